@@ -1,0 +1,281 @@
+"""The serial chain: the one kinematic type behind DH tables, URDFs and their RODs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ft_manip_ros.core.errors import InputError
+
+Array = NDArray[np.float64]
+
+FULL_TURN = 2.0 * np.pi
+# Limits given in degrees with few digits still mean a full turn.
+_FULL_TURN_SLACK = 1e-6
+
+DEFAULT_VELOCITY = 1.0
+DEFAULT_ACCELERATION = 4.0
+
+
+class ChainArrays(NamedTuple):
+    """What the compiled kernels read: plain contiguous arrays, no Python objects.
+
+    The tool frame is ``P_0 M_0(q_0) P_1 M_1(q_1) ... M_{n-1}(q_{n-1}) P_n`` with constant
+    placements ``P`` and motions ``M`` about (revolute) or along (prismatic) the local z axis.
+    """
+
+    rotations: NDArray[np.float64]  # (n+1, 3, 3), of the placements
+    translations: NDArray[np.float64]  # (n+1, 3), m
+    prismatic: NDArray[np.bool_]  # (n,)
+    lower: NDArray[np.float64]  # (n,), physical limits, rad or m
+    upper: NDArray[np.float64]  # (n,)
+    wraps: NDArray[np.bool_]  # (n,), a full turn: no limit to run into
+
+
+@dataclass(frozen=True)
+class Joint:
+    """One joint: name, kind and limits.
+
+    Attributes
+    ----------
+    name
+        Unique within its chain; joint data is always mapped by name.
+    lower, upper
+        Physical limits (rad or m): what the hardware allows, also after a failure.
+    operating_lower, operating_upper
+        Operating limits (rad or m): obeyed before a failure, so they bound where the joint can
+        freeze. Equal to the physical limits unless given.
+    velocity, acceleration
+        Largest speed (rad/s or m/s) and acceleration (rad/s^2 or m/s^2).
+    prismatic
+        True for a sliding joint.
+    """
+
+    name: str
+    lower: float = -np.pi
+    upper: float = np.pi
+    operating_lower: float | None = None
+    operating_upper: float | None = None
+    velocity: float = DEFAULT_VELOCITY
+    acceleration: float = DEFAULT_ACCELERATION
+    prismatic: bool = False
+
+    def __post_init__(self) -> None:
+        where = f'joint {self.name!r}'
+        if not self.name:
+            raise InputError('joint name', 'is empty; every joint needs a name of its own')
+        for key in ('lower', 'upper', 'velocity', 'acceleration'):
+            value = getattr(self, key)
+            if not np.isfinite(value):
+                raise InputError(f'{where}: {key}', f'is {value}; a finite number is needed')
+        if not self.lower < self.upper:
+            raise InputError(
+                f'{where}: limits', f'lower {self.lower:g} is not below upper {self.upper:g}'
+            )
+        for key in ('velocity', 'acceleration'):
+            if getattr(self, key) <= 0.0:
+                raise InputError(f'{where}: {key}', f'is {getattr(self, key):g}; must be > 0')
+        lo, hi = self.operating
+        if not (np.isfinite(lo) and np.isfinite(hi) and lo <= hi):
+            raise InputError(f'{where}: operating limits', f'[{lo:g}, {hi:g}] is not an interval')
+        if lo < self.lower - 1e-9 or hi > self.upper + 1e-9:
+            raise InputError(
+                f'{where}: operating limits',
+                f'[{lo:g}, {hi:g}] leave the physical limits [{self.lower:g}, {self.upper:g}]',
+            )
+
+    @property
+    def operating(self) -> tuple[float, float]:
+        """Operating limits (rad or m), the physical ones where none were given."""
+        lo = self.lower if self.operating_lower is None else self.operating_lower
+        hi = self.upper if self.operating_upper is None else self.operating_upper
+        return lo, hi
+
+    @property
+    def wraps(self) -> bool:
+        """True where the physical range is a full turn: its two ends are one posture."""
+        return not self.prismatic and self.upper - self.lower >= FULL_TURN - _FULL_TURN_SLACK
+
+
+@dataclass(frozen=True, eq=False)
+class SerialChain:
+    """A serial chain of constant placements, each followed by one joint about its local z.
+
+    Attributes
+    ----------
+    name
+        Name of the arm.
+    joints
+        The n joints, base to tip.
+    rotations : ndarray, shape (n+1, 3, 3)
+        Constant rotation from the moved frame of joint i-1 (the base for i = 0) to joint i;
+        the last one leads to the tool.
+    translations : ndarray, shape (n+1, 3)
+        The same placements' translations (m).
+    frozen
+        For a ROD: positions (rad or m) of the joints of the parent arm that are frozen and are
+        now part of the placements.
+    """
+
+    name: str
+    joints: tuple[Joint, ...]
+    rotations: Array
+    translations: Array
+    frozen: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        n = len(self.joints)
+        rotations = np.ascontiguousarray(self.rotations, dtype=float)
+        translations = np.ascontiguousarray(self.translations, dtype=float)
+        if rotations.shape != (n + 1, 3, 3) or translations.shape != (n + 1, 3):
+            raise InputError(
+                f'chain {self.name!r}: placements',
+                f'have shapes {rotations.shape} and {translations.shape}; '
+                f'{n} joints need {(n + 1, 3, 3)} and {(n + 1, 3)}',
+            )
+        if not (np.isfinite(rotations).all() and np.isfinite(translations).all()):
+            raise InputError(f'chain {self.name!r}: placements', 'contain NaN or infinity')
+        names = [joint.name for joint in self.joints]
+        if len(set(names)) != n:
+            twice = sorted({name for name in names if names.count(name) > 1})
+            raise InputError(f'chain {self.name!r}: joint names', f'{twice} appear more than once')
+        rotations.setflags(write=False)
+        translations.setflags(write=False)
+        object.__setattr__(self, 'rotations', rotations)
+        object.__setattr__(self, 'translations', translations)
+
+    @property
+    def n(self) -> int:
+        """Number of joints that move."""
+        return len(self.joints)
+
+    @cached_property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the moving joints, base to tip."""
+        return tuple(joint.name for joint in self.joints)
+
+    @cached_property
+    def lower(self) -> Array:
+        """Physical lower limits, shape (n,), rad or m."""
+        return np.array([joint.lower for joint in self.joints], dtype=float)
+
+    @cached_property
+    def upper(self) -> Array:
+        """Physical upper limits, shape (n,), rad or m."""
+        return np.array([joint.upper for joint in self.joints], dtype=float)
+
+    @cached_property
+    def operating_lower(self) -> Array:
+        """Operating lower limits, shape (n,), rad or m."""
+        return np.array([joint.operating[0] for joint in self.joints], dtype=float)
+
+    @cached_property
+    def operating_upper(self) -> Array:
+        """Operating upper limits, shape (n,), rad or m."""
+        return np.array([joint.operating[1] for joint in self.joints], dtype=float)
+
+    @cached_property
+    def velocity(self) -> Array:
+        """Largest joint speeds, shape (n,), rad/s or m/s."""
+        return np.array([joint.velocity for joint in self.joints], dtype=float)
+
+    @cached_property
+    def acceleration(self) -> Array:
+        """Largest joint accelerations, shape (n,), rad/s^2 or m/s^2."""
+        return np.array([joint.acceleration for joint in self.joints], dtype=float)
+
+    @cached_property
+    def arrays(self) -> ChainArrays:
+        """The chain as the compiled kernels read it."""
+        return ChainArrays(
+            self.rotations,
+            self.translations,
+            np.array([joint.prismatic for joint in self.joints], dtype=np.bool_),
+            self.lower,
+            self.upper,
+            np.array([joint.wraps for joint in self.joints], dtype=np.bool_),
+        )
+
+    def index(self, name: str) -> int:
+        """Place of a joint by name.
+
+        Raises
+        ------
+        InputError
+            If the chain has no such joint; the message lists those it has.
+        """
+        try:
+            return self.joint_names.index(name)
+        except ValueError:
+            raise InputError(
+                f'joint {name!r}',
+                f'is not a joint of {self.name!r}; it has {", ".join(self.joint_names)}',
+            ) from None
+
+    def vector(self, values: Mapping[str, float]) -> Array:
+        """Joint vector, shape (n,), from values by name (each joint exactly once)."""
+        q = np.full(self.n, np.nan)
+        for name, value in values.items():
+            q[self.index(name)] = value
+        missing = [name for name, value in zip(self.joint_names, q, strict=True) if value != value]
+        if missing:
+            raise InputError(f'joints {missing}', 'have no value or NaN')
+        return q
+
+    def check_vector(self, q: Sequence[float] | Array, field_name: str = 'q') -> Array:
+        """Return ``q`` as a finite float array of shape (n,), or raise `InputError`."""
+        out = np.ascontiguousarray(q, dtype=float)
+        if out.shape != (self.n,):
+            raise InputError(field_name, f'has shape {out.shape}; {self.name!r} needs ({self.n},)')
+        if not np.isfinite(out).all():
+            raise InputError(field_name, 'contains NaN or infinity')
+        return out
+
+    def freeze(self, angles: Mapping[str, float]) -> SerialChain:
+        """Return the ROD with the named joints frozen at the given positions (rad or m).
+
+        A frozen joint may stand outside its limits: a lock happens where it happens.
+
+        Raises
+        ------
+        InputError
+            For an unknown joint or a position that is not finite.
+        """
+        at = {self.index(name): float(value) for name, value in angles.items()}
+        for i, value in at.items():
+            if not np.isfinite(value):
+                raise InputError(f'frozen {self.joint_names[i]!r}', f'is {value}; must be finite')
+        rotations = [self.rotations[0]]
+        translations = [self.translations[0]]
+        kept: list[Joint] = []
+        for i, joint in enumerate(self.joints):
+            r_next, t_next = self.rotations[i + 1], self.translations[i + 1]
+            if i not in at:
+                kept.append(joint)
+                rotations.append(r_next)
+                translations.append(t_next)
+                continue
+            r_motion, t_motion = joint_motion(joint.prismatic, at[i])
+            r, t = rotations[-1], translations[-1]
+            translations[-1] = t + r @ (t_motion + r_motion @ t_next)
+            rotations[-1] = r @ r_motion @ r_next
+        return replace(
+            self,
+            joints=tuple(kept),
+            rotations=np.array(rotations),
+            translations=np.array(translations),
+            frozen={**self.frozen, **{self.joint_names[i]: v for i, v in at.items()}},
+        )
+
+
+def joint_motion(prismatic: bool, position: float) -> tuple[Array, Array]:
+    """Rotation (3, 3) and translation (3,) of one joint about or along its local z axis."""
+    if prismatic:
+        return np.eye(3), np.array([0.0, 0.0, position])
+    c, s = np.cos(position), np.sin(position)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]), np.zeros(3)
