@@ -1,0 +1,100 @@
+"""One process, one node: initialise, spin, stop within two seconds of Ctrl-C or SIGTERM."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import sys
+import threading
+import time
+import traceback
+from collections.abc import Callable, Sequence
+
+import rclpy
+from rclpy.exceptions import ParameterException
+from rclpy.executors import (
+    Executor,
+    ExternalShutdownException,
+    MultiThreadedExecutor,
+    SingleThreadedExecutor,
+)
+from rclpy.signals import SignalHandlerOptions
+
+from ft_manip_ros.nodes.managed_node import ManagedNode
+
+_POLL = 0.2  # s, how often the spinning thread looks whether it should stop
+_GRACE = 1.5  # s, after which a process that is still stopping is ended
+
+
+def run(factory: Callable[[], ManagedNode], args: Sequence[str] | None = None) -> int:
+    """Run a node until Ctrl-C, SIGTERM or a shutdown of its context.
+
+    Returns
+    -------
+    int
+        Exit code: 0, or 2 where the parameters given on the command line are unusable.
+    """
+    # rclpy's own handlers would shut the context down first: nothing could be published or
+    # answered while the node deactivates.
+    rclpy.init(
+        args=None if args is None else list(args), signal_handler_options=SignalHandlerOptions.NO
+    )
+    stop = threading.Event()
+    _stop_on_signals(stop)
+    try:
+        try:
+            node = factory()
+        except ParameterException as error:
+            print(f'bad parameter: {error}', file=sys.stderr)
+            return 2
+        executor: Executor = (
+            SingleThreadedExecutor()
+            if node.threads == 1
+            else MultiThreadedExecutor(num_threads=node.threads)
+        )
+        executor.add_node(node)
+        try:
+            _spin(node, executor, stop)
+        finally:
+            node.shut_down()
+            executor.shutdown(timeout_sec=0.0)
+            node.destroy_node()
+        return 0
+    finally:
+        rclpy.try_shutdown()
+
+
+def _spin(node: ManagedNode, executor: Executor, stop: threading.Event) -> None:
+    while rclpy.ok() and not stop.is_set():
+        try:
+            executor.spin_once(timeout_sec=_POLL)
+        except (KeyboardInterrupt, ExternalShutdownException):
+            return
+        except Exception:  # noqa: BLE001 - one callback's defect must not end the node
+            node.get_logger().error(f'in a callback:\n{traceback.format_exc()}')
+
+
+def _stop_on_signals(stop: threading.Event) -> None:
+    """Set ``stop`` on SIGINT or SIGTERM, and end the process if it does not end by itself.
+
+    Python runs signal handlers in the main thread, between two of its instructions, so a long
+    computation would delay them. The wake-up descriptor is written at once, and a thread reads it.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        return
+    reader, writer = socket.socketpair()
+    writer.setblocking(False)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stop.set())
+    signal.set_wakeup_fd(writer.detach(), warn_on_full_buffer=False)
+
+    def watch() -> None:
+        received = reader.recv(1)
+        stop.set()
+        # A process that ends in time takes this thread with it.
+        time.sleep(_GRACE)
+        print('still busy: leaving without waiting any longer', file=sys.stderr, flush=True)
+        os._exit(128 + received[0])
+
+    threading.Thread(target=watch, name='signal watch', daemon=True).start()

@@ -1,0 +1,70 @@
+"""Names and quality of service of everything on the graph; relative, so namespaces work."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from rclpy.qos import (
+    DurabilityPolicy,
+    HistoryPolicy,
+    QoSProfile,
+    ReliabilityPolicy,
+    qos_profile_sensor_data,
+)
+
+
+def reliable(depth: int) -> QoSProfile:
+    """Reliable and volatile, keeping the last ``depth`` messages."""
+    return QoSProfile(
+        history=HistoryPolicy.KEEP_LAST,
+        depth=depth,
+        reliability=ReliabilityPolicy.RELIABLE,
+        durability=DurabilityPolicy.VOLATILE,
+    )
+
+
+def latched() -> QoSProfile:
+    """Reliable, and the last message also reaches those who subscribe later."""
+    return QoSProfile(
+        history=HistoryPolicy.KEEP_LAST,
+        depth=1,
+        reliability=ReliabilityPolicy.RELIABLE,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL,
+    )
+
+
+# Best effort: a late sample of a joint is worth nothing.
+SENSOR_QOS: Final = qos_profile_sensor_data
+COMMAND_QOS: Final = reliable(10)
+EVENT_QOS: Final = reliable(100)
+LATCHED_QOS: Final = latched()
+# Every request and response must reach the recorder.
+SERVICE_EVENT_QOS: Final = reliable(100)
+
+JOINT_STATES: Final = 'joint_states'  # sensor_msgs/JointState, SENSOR_QOS
+JOINT_TRAJECTORY: Final = 'joint_trajectory_controller/joint_trajectory'  # COMMAND_QOS
+TASK: Final = 'task'  # ft_manip_interfaces/Task, LATCHED_QOS
+FAULT_STATE: Final = 'fault_state'  # ft_manip_interfaces/FaultState, LATCHED_QOS
+FAULT_EVENTS: Final = 'fault_events'  # ft_manip_interfaces/JointFault, EVENT_QOS
+RECOVERY_PLAN: Final = 'recovery_plan'  # ft_manip_interfaces/RecoveryPlan, LATCHED_QOS
+DESIGN_CANDIDATES: Final = 'design/candidates'  # DesignCandidate, EVENT_QOS
+DESIGN_BEST: Final = 'design/best'  # DesignCandidate, LATCHED_QOS
+DESIGN_FINAL: Final = 'design/final'  # DesignCandidate, LATCHED_QOS
+ROBOT_DESCRIPTION: Final = 'robot_description'  # std_msgs/String (URDF), LATCHED_QOS
+DIAGNOSTICS: Final = '/diagnostics'  # diagnostic_msgs/DiagnosticArray, COMMAND_QOS
+
+QUERY_FTWS: Final = 'workspace/query_ftws'  # srv QueryFtws
+FREEZE_JOINT: Final = 'fault_monitor/freeze_joint'  # srv FreezeJoint
+CLEAR_FAULT: Final = 'fault_monitor/clear_fault'  # srv ClearFault
+INJECT_FAULT: Final = 'arm_sim/inject_fault'  # srv InjectFault
+DESIGN_ARM: Final = 'designer/design_arm'  # action DesignArm
+
+
+def markers(node_name: str) -> str:
+    """Topic of a node's visualization_msgs/MarkerArray (LATCHED_QOS)."""
+    return f'{node_name}/markers'
+
+
+def service_events(service: str) -> str:
+    """Topic on which the middleware publishes the requests and responses of a service."""
+    return f'{service}/_service_event'
