@@ -81,7 +81,7 @@ def read_dh(path: Path) -> DhTable:
     for i, joint in enumerate(names):
         if joint in names[:i]:
             raise InputError(
-                entries[i].at('name'), f'{joint!r} is already the name of joint {names.index(joint)}'
+                entries[i].at('name'), f'{joint!r} names two joints'
             )
     d, a, alpha, offset = np.array([values for _, values in rows]).T
     with located(fields.where):

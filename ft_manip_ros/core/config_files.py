@@ -82,7 +82,8 @@ def resolve_package_url(url: str) -> Path:
 
 
 def _names(kind: str) -> str:
-    return f'config/{kind}: ' + ', '.join(sorted(p.stem for p in config_folder(kind).glob('*.yaml')))
+    names = sorted(path.stem for path in config_folder(kind).glob('*.yaml'))
+    return f'config/{kind}: ' + ', '.join(names)
 
 
 def _package_folder(name: str) -> Path | None:

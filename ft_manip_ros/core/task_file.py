@@ -7,7 +7,6 @@ import os
 import numpy as np
 
 from ft_manip_ros.core.config_files import find_config
-from ft_manip_ros.core.errors import InputError
 from ft_manip_ros.core.goal import (
     DEFAULT_ORIENTATION_TOLERANCE,
     DEFAULT_POSITION_TOLERANCE,
