@@ -1,0 +1,88 @@
+"""What a motion may use: position ranges, speed, acceleration and jerk of the healthy joints."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ft_manip_ros.core.chain import FULL_TURN, Array, SerialChain
+
+# A range this much beyond one turn is a real range with two ends, not a wrapping joint.
+_BEYOND_A_TURN = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class MotionLimits:
+    """Limits of n joints; positions of an unlimited joint may run on past a turn.
+
+    Attributes
+    ----------
+    lower, upper : ndarray, shape (n,)
+        Positions (rad or m).
+    unlimited : ndarray of bool, shape (n,)
+        Joints that turn without end: their position bounds are not applied.
+    velocity, acceleration, jerk : ndarray, shape (n,)
+        Largest rates, per s, s^2 and s^3.
+    """
+
+    lower: Array
+    upper: Array
+    unlimited: NDArray[np.bool_]
+    velocity: Array
+    acceleration: Array
+    jerk: Array
+
+    def take(self, index: NDArray[np.intp]) -> MotionLimits:
+        """Limits of the joints at ``index``."""
+        return MotionLimits(
+            self.lower[index],
+            self.upper[index],
+            self.unlimited[index],
+            self.velocity[index],
+            self.acceleration[index],
+            self.jerk[index],
+        )
+
+    def scaled(self, factor: float) -> MotionLimits:
+        """The same position ranges with speed, acceleration and jerk times ``factor``."""
+        return MotionLimits(
+            self.lower,
+            self.upper,
+            self.unlimited,
+            self.velocity * factor,
+            self.acceleration * factor,
+            self.jerk * factor,
+        )
+
+
+def motion_limits(chain: SerialChain, *, operating: bool, jerk_time: float) -> MotionLimits:
+    """Limits of all joints of an arm.
+
+    Parameters
+    ----------
+    operating
+        True before a failure: the operating limits bound where a joint can freeze, so they are
+        obeyed. False after one: the physical limits hold.
+    jerk_time
+        Time (s) to build up full acceleration; arm files give no jerk limit.
+    """
+    lower = chain.operating_lower if operating else chain.lower
+    upper = chain.operating_upper if operating else chain.upper
+    turn = np.abs(upper - lower - FULL_TURN) < _BEYOND_A_TURN
+    return MotionLimits(
+        lower,
+        upper,
+        chain.arrays.wraps & turn,
+        chain.velocity,
+        chain.acceleration,
+        chain.acceleration / jerk_time,
+    )
+
+
+def travel(start: Array, end: Array, unlimited: NDArray[np.bool_]) -> Array:
+    """Signed way from ``start`` to ``end``, (..., n): the short way round for wrapping joints."""
+    way = end - start
+    turns = np.round(way / FULL_TURN) * FULL_TURN
+    return np.where(unlimited, way - turns, way)
