@@ -80,7 +80,7 @@ class ArmSim(ManagedNode):
             resolution=self.param('resolution'),
             seed=self.param('seed'),
         )
-        self._start = np.array(start) if len(start) else None
+        self._home = np.array(start) if len(start) else None
         self._drop = self.param('drop_fraction')
         self._reorder = self.param('reorder_fraction')
         # Losses must not change the noise.
@@ -97,13 +97,13 @@ class ArmSim(ManagedNode):
     def activate(self) -> None:
         """Stand still where the arm stands; failed joints stay failed."""
         locked = self._arm.locked_joints
-        self._start = self._arm.position
+        self._home = self._arm.position
         self._arm = self._new_arm()
         for name in locked:
             self._arm.lock(name, self._arm.time)
 
     def _new_arm(self) -> SimulatedArm:
-        return SimulatedArm(self._chain, self._settings, start=self._start, time=self._now())
+        return SimulatedArm(self._chain, self._settings, start=self._home, time=self._now())
 
     def _now(self) -> float:
         return float(self.get_clock().now().nanoseconds) * 1e-9

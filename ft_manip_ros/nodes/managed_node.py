@@ -57,7 +57,7 @@ class ManagedNode(LifecycleNode):
         self._answer_invalid_transitions()
         self._start_timer: Timer | None = None
         if self.param('autostart'):
-            self._start_timer = self.create_timer(0.0, self._start)
+            self._start_timer = self.create_timer(0.0, self._autostart)
         self._permanent = set(self._entities())
 
     # What a subclass fills in
@@ -214,7 +214,7 @@ class ManagedNode(LifecycleNode):
             return True
         return False
 
-    def _start(self) -> None:
+    def _autostart(self) -> None:
         if self._start_timer is not None:
             self.destroy_timer(self._start_timer)
             self._start_timer = None
