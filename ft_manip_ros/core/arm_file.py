@@ -80,9 +80,7 @@ def read_dh(path: Path) -> DhTable:
     names = [joint.name for joint in joints]
     for i, joint in enumerate(names):
         if joint in names[:i]:
-            raise InputError(
-                entries[i].at('name'), f'{joint!r} names two joints'
-            )
+            raise InputError(entries[i].at('name'), f'{joint!r} names two joints')
     d, a, alpha, offset = np.array([values for _, values in rows]).T
     with located(fields.where):
         return DhTable(name, joints, d, a, alpha, offset)

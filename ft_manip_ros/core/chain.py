@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ft_manip_ros.core.errors import InputError
+from ft_manip_ros.core.screw_form import screw_form
 
 Array = NDArray[np.float64]
 
@@ -35,6 +36,7 @@ class ChainArrays(NamedTuple):
     lower: NDArray[np.float64]  # (n,), physical limits, rad or m
     upper: NDArray[np.float64]  # (n,)
     wraps: NDArray[np.bool_]  # (n,), a full turn: no limit to run into
+    screws: NDArray[np.float64]  # (n, 6), the placements as `screw_form` rewrites them
 
 
 @dataclass(frozen=True)
@@ -199,6 +201,7 @@ class SerialChain:
             self.lower,
             self.upper,
             np.array([joint.wraps for joint in self.joints], dtype=np.bool_),
+            screw_form(self.rotations, self.translations),
         )
 
     def index(self, name: str) -> int:

@@ -70,6 +70,63 @@ def sin_cos(x: float) -> tuple[float, float]:
     return sine * (1.0 - (quadrant & 2)), cosine * (1.0 - ((quadrant + 1) & 2))
 
 
+@njit(cache=True, nogil=True, inline='always')
+def sweep(
+    chain: ChainArrays, q: Array, axes: Array, origins: Array
+) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Joint axes and origins as `frames` writes them.
+
+    Returns the tool's position and, row by row, the rotation of the last joint's moved frame,
+    to which the tool's own constant rotation still applies. Inlined, so that a caller who needs
+    the position alone pays for nothing else.
+    """
+    base = chain.rotations
+    r00, r01, r02 = base[0, 0, 0], base[0, 0, 1], base[0, 0, 2]
+    r10, r11, r12 = base[0, 1, 0], base[0, 1, 1], base[0, 1, 2]
+    r20, r21, r22 = base[0, 2, 0], base[0, 2, 1], base[0, 2, 2]
+    x, y, z = chain.translations[0, 0], chain.translations[0, 1], chain.translations[0, 2]
+    rows = chain.screws
+    for i in range(q.shape[0]):
+        axes[i, 0], axes[i, 1], axes[i, 2] = r02, r12, r22
+        origins[i, 0], origins[i, 1], origins[i, 2] = x, y, z
+        angle = rows[i, 0]
+        if chain.prismatic[i]:
+            x += r02 * q[i]
+            y += r12 * q[i]
+            z += r22 * q[i]
+        else:
+            angle += q[i]
+        s, c = sin_cos(angle)
+        r00, r01 = r00 * c + r01 * s, r01 * c - r00 * s
+        r10, r11 = r10 * c + r11 * s, r11 * c - r10 * s
+        r20, r21 = r20 * c + r21 * s, r21 * c - r20 * s
+        tx, ty, tz = rows[i, 3], rows[i, 4], rows[i, 5]
+        x += r00 * tx + r01 * ty + r02 * tz
+        y += r10 * tx + r11 * ty + r12 * tz
+        z += r20 * tx + r21 * ty + r22 * tz
+        c, s = rows[i, 1], rows[i, 2]
+        r01, r02 = r01 * c + r02 * s, r02 * c - r01 * s
+        r11, r12 = r11 * c + r12 * s, r12 * c - r11 * s
+        r21, r22 = r21 * c + r22 * s, r22 * c - r21 * s
+    return (x, y, z), (r00, r01, r02, r10, r11, r12, r20, r21, r22)
+
+
+@njit(cache=True, nogil=True, inline='always')
+def turn_tool(chain: ChainArrays, turned: tuple[float, ...], rotation: Array) -> None:
+    """Write the tool's rotation (3, 3) from what `sweep` returned."""
+    n = chain.prismatic.shape[0]
+    if n == 0:
+        for j in range(9):
+            rotation[j // 3, j % 3] = turned[j]
+        return
+    p = chain.rotations
+    for j in range(3):
+        a, b, c = p[n, 0, j], p[n, 1, j], p[n, 2, j]
+        rotation[0, j] = turned[0] * a + turned[1] * b + turned[2] * c
+        rotation[1, j] = turned[3] * a + turned[4] * b + turned[5] * c
+        rotation[2, j] = turned[6] * a + turned[7] * b + turned[8] * c
+
+
 @njit(cache=True, nogil=True)
 def frames(
     chain: ChainArrays, q: Array, axes: Array, origins: Array, tip_rotation: Array, tip: Array
@@ -90,53 +147,12 @@ def frames(
     tip : shape (3,), out
         Tool rotation and position (m).
     """
-    n = q.shape[0]
-    rot = chain.rotations
-    tra = chain.translations
-    r00, r01, r02 = rot[0, 0, 0], rot[0, 0, 1], rot[0, 0, 2]
-    r10, r11, r12 = rot[0, 1, 0], rot[0, 1, 1], rot[0, 1, 2]
-    r20, r21, r22 = rot[0, 2, 0], rot[0, 2, 1], rot[0, 2, 2]
-    x, y, z = tra[0, 0], tra[0, 1], tra[0, 2]
-    for i in range(n):
-        axes[i, 0] = r02
-        axes[i, 1] = r12
-        axes[i, 2] = r22
-        origins[i, 0] = x
-        origins[i, 1] = y
-        origins[i, 2] = z
-        if chain.prismatic[i]:
-            x += r02 * q[i]
-            y += r12 * q[i]
-            z += r22 * q[i]
-        else:
-            s, c = sin_cos(q[i])
-            r00, r01 = r00 * c + r01 * s, r01 * c - r00 * s
-            r10, r11 = r10 * c + r11 * s, r11 * c - r10 * s
-            r20, r21 = r20 * c + r21 * s, r21 * c - r20 * s
-        tx, ty, tz = tra[i + 1, 0], tra[i + 1, 1], tra[i + 1, 2]
-        x += r00 * tx + r01 * ty + r02 * tz
-        y += r10 * tx + r11 * ty + r12 * tz
-        z += r20 * tx + r21 * ty + r22 * tz
-        p = rot[i + 1]
-        a, b, d = r00, r01, r02
-        r00 = a * p[0, 0] + b * p[1, 0] + d * p[2, 0]
-        r01 = a * p[0, 1] + b * p[1, 1] + d * p[2, 1]
-        r02 = a * p[0, 2] + b * p[1, 2] + d * p[2, 2]
-        a, b, d = r10, r11, r12
-        r10 = a * p[0, 0] + b * p[1, 0] + d * p[2, 0]
-        r11 = a * p[0, 1] + b * p[1, 1] + d * p[2, 1]
-        r12 = a * p[0, 2] + b * p[1, 2] + d * p[2, 2]
-        a, b, d = r20, r21, r22
-        r20 = a * p[0, 0] + b * p[1, 0] + d * p[2, 0]
-        r21 = a * p[0, 1] + b * p[1, 1] + d * p[2, 1]
-        r22 = a * p[0, 2] + b * p[1, 2] + d * p[2, 2]
-    tip_rotation[0, 0], tip_rotation[0, 1], tip_rotation[0, 2] = r00, r01, r02
-    tip_rotation[1, 0], tip_rotation[1, 1], tip_rotation[1, 2] = r10, r11, r12
-    tip_rotation[2, 0], tip_rotation[2, 1], tip_rotation[2, 2] = r20, r21, r22
-    tip[0], tip[1], tip[2] = x, y, z
+    place, turned = sweep(chain, q, axes, origins)
+    tip[0], tip[1], tip[2] = place
+    turn_tool(chain, turned, tip_rotation)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline='always')
 def geometric_jacobian(
     chain: ChainArrays, axes: Array, origins: Array, tip: Array, jacobian: Array
 ) -> None:
@@ -148,15 +164,16 @@ def geometric_jacobian(
         Rows 0-2: tool velocity per joint speed (m/rad, or 1 for a prismatic joint);
         rows 3-5: angular velocity per joint speed.
     """
+    x, y, z = tip[0], tip[1], tip[2]
     for i in range(axes.shape[0]):
         ax, ay, az = axes[i, 0], axes[i, 1], axes[i, 2]
         if chain.prismatic[i]:
             jacobian[0, i], jacobian[1, i], jacobian[2, i] = ax, ay, az
             jacobian[3, i], jacobian[4, i], jacobian[5, i] = 0.0, 0.0, 0.0
         else:
-            dx = tip[0] - origins[i, 0]
-            dy = tip[1] - origins[i, 1]
-            dz = tip[2] - origins[i, 2]
+            dx = x - origins[i, 0]
+            dy = y - origins[i, 1]
+            dz = z - origins[i, 2]
             jacobian[0, i] = ay * dz - az * dy
             jacobian[1, i] = az * dx - ax * dz
             jacobian[2, i] = ax * dy - ay * dx
@@ -170,7 +187,9 @@ def fk_batch(chain: ChainArrays, qs: Array, rotations: Array, positions: Array) 
     axes = np.empty((n, 3))
     origins = np.empty((n, 3))
     for k in range(qs.shape[0]):
-        frames(chain, qs[k], axes, origins, rotations[k], positions[k])
+        place, turned = sweep(chain, qs[k], axes, origins)
+        positions[k, 0], positions[k, 1], positions[k, 2] = place
+        turn_tool(chain, turned, rotations[k])
 
 
 @njit(cache=True, nogil=True)
@@ -182,5 +201,7 @@ def jacobian_batch(
     axes = np.empty((n, 3))
     origins = np.empty((n, 3))
     for k in range(qs.shape[0]):
-        frames(chain, qs[k], axes, origins, rotations[k], positions[k])
+        place, turned = sweep(chain, qs[k], axes, origins)
+        positions[k, 0], positions[k, 1], positions[k, 2] = place
+        turn_tool(chain, turned, rotations[k])
         geometric_jacobian(chain, axes, origins, positions[k], jacobians[k])
