@@ -1,0 +1,234 @@
+"""Reading an MCAP file record by record, whatever state it is in."""
+
+from __future__ import annotations
+
+import heapq
+import re
+import struct
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO
+
+from ft_manip_ros.bags import mcap_records as mr
+from ft_manip_ros.bags.mcap_records import Channel, RecordedMessage, RecordError, Schema
+from ft_manip_ros.bags.source import Damage
+from ft_manip_ros.core.errors import InputError
+
+_HEAD = struct.Struct('<BQ')
+# A chunk's opcode and the eight bytes of a length below 4 GiB.
+_CHUNK_START = re.compile(rb'\x06[\x00-\xff]{4}\x00{4}')
+_RESYNC_BLOCK = 1 << 24
+
+
+@dataclass(frozen=True)
+class _Chunk:
+    offset: int
+    length: int
+    start: int
+    count: int
+
+
+class McapScan:
+    """An MCAP file, complete or not, read without trusting its index.
+
+    Every chunk is unpacked and verified once on opening; what does not verify is left out and
+    listed in ``damage``. Messages come in order of log time, memory bounded by the chunks that
+    overlap in time.
+
+    Attributes
+    ----------
+    schemas, channels
+        By id.
+    metadata, attachments
+        Metadata values by record name; (media type, content) by attachment name.
+    counts
+        Readable messages by channel id.
+    damage
+        What could not be read.
+    finished
+        True if the file was closed in order (index and end mark are there).
+    start, end
+        First and last log time (ns); 0 in an empty file.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, unreadable or no MCAP file at all.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.schemas: dict[int, Schema] = {}
+        self.channels: dict[int, Channel] = {}
+        self.metadata: dict[str, dict[str, str]] = {}
+        self.attachments: dict[str, tuple[str, bytes]] = {}
+        self.counts: Counter[int] = Counter()
+        self.damage: list[Damage] = []
+        self.finished = False
+        self.start = 0
+        self.end = 0
+        self._chunks: list[_Chunk] = []
+        self._loose: list[RecordedMessage] = []
+        try:
+            self._size = path.stat().st_size
+            with path.open('rb') as file:
+                self._scan(file)
+        except OSError as error:
+            raise InputError(f'bag file {path}', f'cannot be read: {error.strerror}') from None
+
+    def messages(self) -> Iterator[RecordedMessage]:
+        """Yield all readable messages by log time, then topic, then place in the file."""
+        topics = {channel.id: channel.topic for channel in self.channels.values()}
+        heap: list[tuple[int, str, int, RecordedMessage]] = []
+        order = 0
+        loose = sorted(self._loose, key=lambda message: message.log_time)
+        for message in loose:
+            heapq.heappush(heap, (message.log_time, topics[message.channel_id], order, message))
+            order += 1
+        with self.path.open('rb') as file:
+            for chunk in sorted(self._chunks, key=lambda c: (c.start, c.offset)):
+                while heap and heap[0][0] < chunk.start:
+                    yield heapq.heappop(heap)[3]
+                file.seek(chunk.offset)
+                for message in self._chunk_messages(file.read(chunk.length), chunk.count):
+                    topic = topics[message.channel_id]
+                    heapq.heappush(heap, (message.log_time, topic, order, message))
+                    order += 1
+        while heap:
+            yield heapq.heappop(heap)[3]
+
+    def _chunk_messages(self, body: bytes, count: int) -> Iterator[RecordedMessage]:
+        """The first ``count`` messages of a chunk: those that opening it has found usable."""
+        for opcode, record in mr.split_records(mr.chunk_records(body)):
+            if count == 0:
+                return
+            if opcode == mr.MESSAGE:
+                count -= 1
+                yield mr.parse_message(record)
+
+    def _scan(self, file: BinaryIO) -> None:
+        if file.read(len(mr.MAGIC)) != mr.MAGIC:
+            raise InputError(f'bag file {self.path}', 'is no MCAP file (it lacks the MCAP mark)')
+        at = len(mr.MAGIC)
+        while at < self._size:
+            file.seek(at)
+            head = file.read(_HEAD.size)
+            if len(head) < _HEAD.size:
+                self._note(at, 'the file ends inside a record head')
+                return
+            opcode, length = _HEAD.unpack(head)
+            body_at = at + _HEAD.size
+            if opcode == mr.DATA_END:
+                self._check_end(file, at)
+                return
+            if not 0 < opcode < 0x80 or length > self._size - body_at:
+                self._note(at, 'the file ends inside a record, or the record is damaged')
+                at = self._resync(file, at + 1)
+                continue
+            if not self._record(file, opcode, at, length):
+                at = self._resync(file, at + 1)
+                continue
+            at = body_at + length
+        self._note(self._size, 'the file was not closed: its index is missing')
+
+    def _record(self, file: BinaryIO, opcode: int, at: int, length: int) -> bool:
+        """Take in one record; False where even its length is not to be trusted."""
+        try:
+            if opcode == mr.CHUNK:
+                self._chunk(file.read(length), at)
+            elif opcode in (mr.SCHEMA, mr.CHANNEL, mr.MESSAGE):
+                self._take(opcode, file.read(length))
+            elif opcode == mr.METADATA:
+                name, values = mr.parse_metadata(file.read(length))
+                self.metadata.setdefault(name, {}).update(values)
+            elif opcode == mr.ATTACHMENT:
+                name, media_type, content = mr.parse_attachment(file.read(length))
+                self.attachments[name] = (media_type, content)
+        except RecordError as error:
+            self._note(at, str(error))
+            following = at + _HEAD.size + length
+            return following == self._size or self._plausible(file, following)
+        return True
+
+    def _plausible(self, file: BinaryIO, at: int) -> bool:
+        """True if a record can begin at this offset."""
+        file.seek(at)
+        head = file.read(_HEAD.size)
+        if len(head) < _HEAD.size:
+            return False
+        opcode, length = _HEAD.unpack(head)
+        return 0 < opcode <= mr.LAST_OPCODE and length <= self._size - at - _HEAD.size
+
+    def _chunk(self, body: bytes, at: int) -> None:
+        records = mr.chunk_records(body)
+        times = []
+        try:
+            for opcode, record in mr.split_records(records):
+                log_time = self._take(opcode, record, keep=False)
+                if log_time is not None:
+                    times.append(log_time)
+        finally:
+            if times:
+                self._chunks.append(_Chunk(at + _HEAD.size, len(body), min(times), len(times)))
+
+    def _take(self, opcode: int, record: bytes, *, keep: bool = True) -> int | None:
+        """Take in a schema, channel or message; return the log time of a usable message."""
+        if opcode == mr.SCHEMA:
+            schema = mr.parse_schema(record)
+            if self.schemas.setdefault(schema.id, schema) != schema:
+                raise RecordError(f'schema {schema.id} ({schema.name}) comes twice, differing')
+        elif opcode == mr.CHANNEL:
+            channel = mr.parse_channel(record)
+            if self.channels.setdefault(channel.id, channel) != channel:
+                raise RecordError(f'channel {channel.id} ({channel.topic}) comes twice, differing')
+        elif opcode == mr.MESSAGE:
+            message = mr.parse_message(record)
+            if message.channel_id not in self.channels:
+                raise RecordError(f'a message names the unknown channel {message.channel_id}')
+            first = not self.counts
+            self.counts[message.channel_id] += 1
+            self.start = message.log_time if first else min(self.start, message.log_time)
+            self.end = max(self.end, message.log_time)
+            if keep:
+                self._loose.append(message)
+            return message.log_time
+        return None
+
+    def _resync(self, file: BinaryIO, at: int) -> int:
+        """Offset of the next chunk that verifies, or the file's size."""
+        while at < self._size:
+            file.seek(at)
+            block = file.read(_RESYNC_BLOCK)
+            for match in _CHUNK_START.finditer(block):
+                start = at + match.start()
+                if self._is_whole_chunk(file, start):
+                    return start
+            if len(block) < _HEAD.size:
+                break
+            at += max(len(block) - _HEAD.size + 1, 1)
+        return self._size
+
+    def _is_whole_chunk(self, file: BinaryIO, at: int) -> bool:
+        file.seek(at)
+        _, length = _HEAD.unpack(file.read(_HEAD.size))
+        if length > self._size - at - _HEAD.size:
+            return False
+        try:
+            # Cheap refusals first: damage must not cost a decompression per byte.
+            mr.check_chunk_head(file.read(min(length, 64)))
+            file.seek(at + _HEAD.size)
+            mr.chunk_records(file.read(length))
+        except RecordError:
+            return False
+        return True
+
+    def _check_end(self, file: BinaryIO, at: int) -> None:
+        file.seek(max(self._size - len(mr.MAGIC), 0))
+        self.finished = file.read() == mr.MAGIC
+        if not self.finished:
+            self._note(at, 'the index at the end of the file is cut short')
+
+    def _note(self, offset: int, problem: str) -> None:
+        self.damage.append(Damage(self.path.name, offset, problem))

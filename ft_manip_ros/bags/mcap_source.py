@@ -1,0 +1,62 @@
+"""An MCAP file as a storage file of a bag."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from ft_manip_ros.bags.mcap_scan import McapScan
+from ft_manip_ros.bags.qos import load_profiles
+from ft_manip_ros.bags.source import BagMessage, TopicInfo
+
+
+class McapSource:
+    """A `McapScan` as a storage file of a bag."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._scan = McapScan(path)
+        self.damage = self._scan.damage
+        self.finished = self._scan.finished
+        self.start, self.end = self._scan.start, self._scan.end
+        self.metadata, self.attachments = self._scan.metadata, self._scan.attachments
+        self._names = {
+            channel.id: (channel.topic, self._type_name(channel.schema_id))
+            for channel in self._scan.channels.values()
+        }
+
+    def _type_name(self, schema_id: int) -> str:
+        schema = self._scan.schemas.get(schema_id)
+        return schema.name if schema else ''
+
+    def topics(self) -> dict[str, TopicInfo]:
+        """Topics by name; a topic of several types keeps its first."""
+        found: dict[str, TopicInfo] = {}
+        for channel in self._scan.channels.values():
+            info = found.setdefault(
+                channel.topic,
+                TopicInfo(
+                    self._type_name(channel.schema_id),
+                    channel.metadata.get('topic_type_hash', ''),
+                    0,
+                    load_profiles(channel.metadata.get('offered_qos_profiles', '')),
+                    channel.message_encoding == 'cdr',
+                ),
+            )
+            info.count += self._scan.counts[channel.id]
+        return found
+
+    def schemas(self) -> list[tuple[str, str, str]]:
+        """(type name, encoding, text) of all schemas."""
+        return [
+            (schema.name, schema.encoding, schema.data.decode('utf-8', 'replace'))
+            for schema in self._scan.schemas.values()
+        ]
+
+    def messages(self) -> Iterator[BagMessage]:
+        """All readable messages by log time, then topic."""
+        for message in self._scan.messages():
+            topic, type_name = self._names[message.channel_id]
+            yield BagMessage(
+                topic, type_name, message.log_time, message.publish_time, message.data
+            )

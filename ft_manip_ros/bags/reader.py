@@ -1,0 +1,168 @@
+"""Reading bags: rosbag2 folders and single files, also unfinished or damaged ones."""
+
+from __future__ import annotations
+
+import heapq
+import re
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from ft_manip_ros.bags.decode import Decoder
+from ft_manip_ros.bags.mcap_source import McapSource
+from ft_manip_ros.bags.rosbag_metadata import FILE_NAME, read_file_names_and_custom
+from ft_manip_ros.bags.source import BagMessage, Source, TopicInfo
+from ft_manip_ros.bags.sqlite_source import SqliteSource
+from ft_manip_ros.core.errors import InputError
+
+
+@dataclass
+class Bag:
+    """An open bag, whoever recorded it.
+
+    Attributes
+    ----------
+    sources
+        Its storage files in order.
+    provenance
+        Values by record name: metadata records of the files and ``custom_data`` of the folder.
+    attachments
+        (media type, content) by name.
+    notes
+        What a reader should know: damage, missing metadata.yaml.
+    """
+
+    path: Path
+    sources: list[Source]
+    provenance: dict[str, dict[str, str]] = field(default_factory=dict)
+    attachments: dict[str, tuple[str, bytes]] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+    topics: dict[str, TopicInfo] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self._decoder = Decoder()
+        for source in self.sources:
+            for type_name, encoding, text in source.schemas():
+                self._decoder.add_schema(type_name, encoding, text)
+            for topic, info in source.topics().items():
+                known = self.topics.setdefault(topic, TopicInfo(info.type_name))
+                known.count += info.count
+                known.type_hash = known.type_hash or info.type_hash
+                known.qos = known.qos or info.qos
+                known.readable = known.readable and info.readable
+            self.attachments.update(source.attachments)
+            for name, values in source.metadata.items():
+                self.provenance.setdefault(name, {}).update(values)
+            self.notes.extend(str(damage) for damage in source.damage)
+
+    @property
+    def message_count(self) -> int:
+        """Readable messages."""
+        return sum(info.count for info in self.topics.values())
+
+    @property
+    def start(self) -> int:
+        """Log time of the first message, ns."""
+        return min((s.start for s in self.sources if s.end), default=0)
+
+    @property
+    def end(self) -> int:
+        """Log time of the last message, ns."""
+        return max((s.end for s in self.sources), default=0)
+
+    def messages(
+        self,
+        topics: Collection[str] | None = None,
+        *,
+        start: int | None = None,
+        end: int | None = None,
+    ) -> Iterator[BagMessage]:
+        """Yield messages by log time, then topic, then place in the file.
+
+        Parameters
+        ----------
+        topics
+            Only these; all of them if None.
+        start, end
+            Only from ``start`` on and up to ``end``, log times in ns.
+        """
+        streams = (source.messages() for source in self.sources)
+        for message in heapq.merge(*streams, key=lambda m: (m.log_time, m.topic)):
+            if end is not None and message.log_time > end:
+                return
+            if start is not None and message.log_time < start:
+                continue
+            if topics is None or message.topic in topics:
+                yield message
+
+    def decode(self, message: BagMessage) -> Any:
+        """Return the decoded message.
+
+        Raises
+        ------
+        InputError
+            If the bytes do not fit the type; the message names topic and log time.
+        """
+        try:
+            return self._decoder.decode(message.type_name, message.data)
+        except InputError as error:
+            raise InputError(
+                f'{self.path}: {message.topic} at {message.log_time} ns',
+                f'{error.field}: {error.problem}',
+            ) from None
+
+
+def open_bag(path: Path | str) -> Bag:
+    """Open a rosbag2 folder or a single .mcap or .db3 file.
+
+    Raises
+    ------
+    InputError
+        If there is no bag; the message says what was looked for.
+    """
+    path = Path(path)
+    if not path.exists():
+        raise InputError(f'bag {path}', 'does not exist')
+    notes: list[str] = []
+    custom: dict[str, str] = {}
+    if path.is_file():
+        files = [path]
+    elif (path / FILE_NAME).is_file():
+        try:
+            names, custom, _ = read_file_names_and_custom(path / FILE_NAME)
+            files = [path / Path(name).name for name in names]
+        except InputError as error:
+            notes.append(f'{error}; its storage files are read instead')
+            files = _storage_files(path)
+        missing = [file.name for file in files if not file.is_file()]
+        if missing:
+            notes.append(f'{FILE_NAME} names files that are missing: {", ".join(missing)}')
+            files = [file for file in files if file.is_file()]
+    else:
+        notes.append(f'{FILE_NAME} is missing (the recorder was not closed in order)')
+        files = _storage_files(path)
+    if not files:
+        raise InputError(f'bag {path}', 'holds no .mcap or .db3 file')
+    bag = Bag(path, [_open_source(file) for file in files])
+    bag.notes[:0] = notes
+    for key, value in custom.items():
+        name, _, entry = key.rpartition('.')
+        bag.provenance.setdefault(name, {}).setdefault(entry, value)
+    return bag
+
+
+def _storage_files(folder: Path) -> list[Path]:
+    def natural(path: Path) -> list[int | str]:
+        return [int(t) if t.isdigit() else t for t in re.split(r'(\d+)', path.name)]
+
+    found = [p for p in folder.iterdir() if p.suffix in ('.mcap', '.db3') and p.name[0] != '.']
+    return sorted(found, key=natural)
+
+
+def _open_source(path: Path) -> Source:
+    if path.suffix == '.mcap':
+        return McapSource(path)
+    if path.suffix == '.db3':
+        return SqliteSource(path)
+    raise InputError(f'bag file {path}', 'is neither .mcap nor .db3')
