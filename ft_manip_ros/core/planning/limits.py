@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,8 @@ from ft_manip_ros.core.chain import FULL_TURN, Array, SerialChain
 
 # A range this much beyond one turn is a real range with two ends, not a wrapping joint.
 _BEYOND_A_TURN = 1e-3
+# Limits given with few digits still mean a full turn.
+_SLACK = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,14 +23,17 @@ class MotionLimits:
     ----------
     lower, upper : ndarray, shape (n,)
         Positions (rad or m).
+    turns : ndarray of bool, shape (n,)
+        Joints whose range holds a full turn: a posture is the same one a turn further.
     unlimited : ndarray of bool, shape (n,)
-        Joints that turn without end: their position bounds are not applied.
+        Those of them that turn without end: their position bounds are not applied.
     velocity, acceleration, jerk : ndarray, shape (n,)
         Largest rates, per s, s^2 and s^3.
     """
 
     lower: Array
     upper: Array
+    turns: NDArray[np.bool_]
     unlimited: NDArray[np.bool_]
     velocity: Array
     acceleration: Array
@@ -39,6 +44,7 @@ class MotionLimits:
         return MotionLimits(
             self.lower[index],
             self.upper[index],
+            self.turns[index],
             self.unlimited[index],
             self.velocity[index],
             self.acceleration[index],
@@ -47,13 +53,11 @@ class MotionLimits:
 
     def scaled(self, factor: float) -> MotionLimits:
         """The same position ranges with speed, acceleration and jerk times ``factor``."""
-        return MotionLimits(
-            self.lower,
-            self.upper,
-            self.unlimited,
-            self.velocity * factor,
-            self.acceleration * factor,
-            self.jerk * factor,
+        return replace(
+            self,
+            velocity=self.velocity * factor,
+            acceleration=self.acceleration * factor,
+            jerk=self.jerk * factor,
         )
 
 
@@ -70,11 +74,12 @@ def motion_limits(chain: SerialChain, *, operating: bool, jerk_time: float) -> M
     """
     lower = chain.operating_lower if operating else chain.lower
     upper = chain.operating_upper if operating else chain.upper
-    turn = np.abs(upper - lower - FULL_TURN) < _BEYOND_A_TURN
+    turns = chain.arrays.wraps & (upper - lower > FULL_TURN - _SLACK)
     return MotionLimits(
         lower,
         upper,
-        chain.arrays.wraps & turn,
+        turns,
+        turns & (upper - lower < FULL_TURN + _BEYOND_A_TURN),
         chain.velocity,
         chain.acceleration,
         chain.acceleration / jerk_time,
@@ -82,7 +87,7 @@ def motion_limits(chain: SerialChain, *, operating: bool, jerk_time: float) -> M
 
 
 def travel(start: Array, end: Array, unlimited: NDArray[np.bool_]) -> Array:
-    """Signed way from ``start`` to ``end``, (..., n): the short way round for wrapping joints."""
+    """Signed way from ``start`` to ``end``, (..., n): the short way round where ``unlimited``."""
     way = end - start
     turns = np.round(way / FULL_TURN) * FULL_TURN
     return np.where(unlimited, way - turns, way)

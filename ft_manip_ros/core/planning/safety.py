@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ft_manip_ros.core.chain import Array, SerialChain
 from ft_manip_ros.core.planning.limits import MotionLimits
@@ -12,6 +13,7 @@ from ft_manip_ros.core.planning.timing import stopping_range
 from ft_manip_ros.core.planning.trajectory import Trajectory
 
 Hull = Callable[..., Array]
+Index = NDArray[np.intp]
 
 # Relative slack on rates and absolute slack (rad or m) on positions, for rounding only.
 _RATE_SLACK = 1e-3
@@ -96,7 +98,7 @@ def _frozen_problems(trajectory: Trajectory, frozen: Mapping[str, float]) -> lis
 
 
 def _healthy_problems(
-    trajectory: Trajectory, healthy: Array, limits: MotionLimits, start: Array, speed: Array
+    trajectory: Trajectory, healthy: Index, limits: MotionLimits, start: Array, speed: Array
 ) -> list[str]:
     names = [trajectory.joint_names[i] for i in healthy]
     times = trajectory.times
@@ -122,9 +124,9 @@ def _healthy_problems(
         (hull_velocities, -fastest, fastest, 'velocity'),
         (hull_accelerations, -hardest, hardest, 'acceleration'),
     ):
-        for i, (time, excess) in _excesses(hull, times, q, v, a, lower, upper).items():
+        for k, (time, excess) in _excesses(hull, times, q, v, a, lower, upper).items():
             problems.append(
-                f'{names[i]!r} leaves its {what} range [{lower[i]:.6g}, {upper[i]:.6g}] '
+                f'{names[k]!r} leaves its {what} range [{lower[k]:.6g}, {upper[k]:.6g}] '
                 f'by {excess:.3g} from t = {time:.3f} s on'
             )
     if np.any(np.abs(v[-1]) > _START_SLACK):
@@ -138,7 +140,9 @@ def _excesses(
     """First time and largest size of what each joint does outside its range, by joint index."""
     begin = times[:-1] if len(times) > 1 else times
     h = np.diff(times) if len(times) > 1 else np.ones(1)
-    ends = (q[:-1], v[:-1], a[:-1], q[1:], v[1:], a[1:]) if len(times) > 1 else (q, v, a) * 2
+    ends: tuple[Array, ...] = (q, v, a, q, v, a)
+    if len(times) > 1:
+        ends = (q[:-1], v[:-1], a[:-1], q[1:], v[1:], a[1:])
     for level in range(_HALVINGS + 1):
         points = hull(h[:, None], *ends)
         beyond = np.maximum(lower - points, points - upper).max(axis=1)
@@ -150,8 +154,8 @@ def _excesses(
         begin, h, ends = _halved(begin[out], h[out], *(values[out] for values in ends))
     found = {}
     for i in np.flatnonzero(np.any(beyond > 0.0, axis=0)):
-        k = int(np.argmax(beyond[:, i] > 0.0))
-        found[int(i)] = (float(begin[k]), float(beyond[:, i].max()))
+        first = int(np.argmax(beyond[:, i] > 0.0))
+        found[int(i)] = (float(begin[first]), float(beyond[:, i].max()))
     return found
 
 

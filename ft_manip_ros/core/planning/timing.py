@@ -13,9 +13,11 @@ from ft_manip_ros.core.planning.limits import MotionLimits, travel
 # Time stamps of ROS messages are whole nanoseconds; states are sampled at exactly those times.
 _TICK = 1e-9
 # Phase switches closer together than this become one point.
-_SHORTEST_STEP = 2e-5
+SHORTEST_STEP = 2e-5
 # Moves shorter than this (rad or m) are no moves.
 _SMALLEST_WAY = 1e-9
+# Slower than this (rad/s or m/s) is at rest.
+_AT_REST = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,26 +74,42 @@ def move_from(q: Array, v: Array, target: Array, limits: MotionLimits, period: f
     joint's range, all joints stop first and then move straight.
     """
     way = travel(q, target, limits.unlimited)
-    if not np.any(np.abs(v) > 1e-9):
+    if not np.any(np.abs(v) > _AT_REST):
         return move_between(q, q + way, limits, period)
-    given = ruckig.InputParameter(len(q))
-    _fill(given, q, v, limits)
-    given.target_position = list(q + way)
-    solver, found = ruckig.Ruckig(len(q)), ruckig.Trajectory(len(q))
-    if solver.calculate(given, found) == ruckig.Result.Working:
-        low, high = stopping_range(q, v, limits)
-        low, high = np.minimum(low, limits.lower), np.maximum(high, limits.upper)
-        bounds = found.position_extrema
-        inside = [
-            limits.unlimited[i] or (b.min >= low[i] - 1e-9 and b.max <= high[i] + 1e-9)
-            for i, b in enumerate(bounds)
-        ]
-        if all(inside):
-            return _sampled(found, len(q), period)
+    direct = _direct(q, v, q + way, limits)
+    if direct is not None:
+        return _sampled(direct, len(q), period)
     halt = stop(q, v, limits, period)
     rest = halt.positions[-1]
     go = move_between(rest, rest + travel(rest, target, limits.unlimited), limits, period)
     return joined([halt, go])
+
+
+def arrival_time(q: Array, v: Array, target: Array, limits: MotionLimits) -> float:
+    """Duration (s) of `move_from`, without its samples."""
+    way = travel(q, target, limits.unlimited)
+    if np.any(np.abs(v) > _AT_REST):
+        direct = _direct(q, v, q + way, limits)
+        if direct is not None:
+            return float(direct.duration)
+    return move_from(q, v, target, limits, 10.0).duration
+
+
+def _direct(q: Array, v: Array, target: Array, limits: MotionLimits) -> ruckig.Trajectory | None:
+    """Fastest motion from the moving state to the target; None where it would leave a range."""
+    given = ruckig.InputParameter(len(q))
+    _fill(given, q, v, limits)
+    given.target_position = list(target)
+    found = ruckig.Trajectory(len(q))
+    if ruckig.Ruckig(len(q)).calculate(given, found) != ruckig.Result.Working:
+        return None
+    low, high = stopping_range(q, v, limits)
+    low = np.minimum(low, limits.lower) - _SMALLEST_WAY
+    high = np.maximum(high, limits.upper) + _SMALLEST_WAY
+    for i, bound in enumerate(found.position_extrema):
+        if not limits.unlimited[i] and not (low[i] <= bound.min and bound.max <= high[i]):
+            return None
+    return found
 
 
 def move_between(q: Array, target: Array, limits: MotionLimits, period: float) -> Motion:
@@ -170,7 +188,7 @@ def _sampled(found: ruckig.Trajectory, m: int, period: float) -> Motion:
     ticks = np.unique(np.round(np.array(switches) / _TICK)) * _TICK
     times = [0.0]
     for time in ticks:
-        if time - times[-1] >= _SHORTEST_STEP and duration - time >= _SHORTEST_STEP:
+        if time - times[-1] >= SHORTEST_STEP and duration - time >= SHORTEST_STEP:
             times.append(float(time))
     if duration > 0.0:
         times.append(duration)

@@ -1,0 +1,283 @@
+"""All decisions of the re-planner, without ROS: events in, plans out; a bag can drive it too."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ft_manip_ros.core.chain import Array, SerialChain
+from ft_manip_ros.core.errors import InputError
+from ft_manip_ros.core.goal import Goal, Task
+from ft_manip_ros.core.planning.plan import Plan
+from ft_manip_ros.core.planning.replan import plan_task
+from ft_manip_ros.core.planning.reporting import tool_errors
+from ft_manip_ros.core.planning.settings import PlanSettings
+
+_SECOND = 1_000_000_000
+
+
+@dataclass(frozen=True)
+class ExecutiveSettings:
+    """How the executive watches the arm.
+
+    Attributes
+    ----------
+    state_timeout
+        A measured state older than this (s) is not planned from.
+    velocity_window
+        Where joint states carry no velocities, they are fitted to the positions of this long (s).
+    patience
+        Time (s) after the last planned arrival before goals that were not met are planned again.
+    retries
+        How often that is done between two changes of the frozen joints.
+    """
+
+    state_timeout: float = 0.5
+    velocity_window: float = 0.05
+    patience: float = 1.0
+    retries: int = 2
+
+
+@dataclass(frozen=True, eq=False)
+class Decision:
+    """A plan that the arm is to follow from now on.
+
+    Attributes
+    ----------
+    stamp
+        Of the measured state that the plan starts from (ns): its trajectory's time 0.
+    cause
+        What made it necessary, one clause.
+    degraded
+        False for the plan of the healthy arm.
+    """
+
+    plan: Plan
+    stamp: int
+    cause: str
+    degraded: bool
+
+
+@dataclass(frozen=True)
+class Visited:
+    """A goal at which the tool was measured within its tolerances."""
+
+    index: int
+    id: str
+    stamp: int
+    position_error: float
+    orientation_error: float
+
+
+@dataclass(eq=False)
+class _Progress:
+    task: Task
+    remaining: list[int]
+    arrivals: dict[int, int] = field(default_factory=dict)
+    goals: dict[int, Goal] = field(default_factory=dict)
+
+
+class Executive:
+    """Keeps the task, what of it is done, the measured state, and the frozen joints.
+
+    Stamps are those of messages, in ns. Every method may raise `InputError`; nothing has then
+    changed.
+
+    Parameters
+    ----------
+    chain
+        The full arm.
+    planning, watching
+        Settings.
+    """
+
+    def __init__(
+        self,
+        chain: SerialChain,
+        planning: PlanSettings | None = None,
+        watching: ExecutiveSettings | None = None,
+    ) -> None:
+        self.chain = chain
+        self.planning = planning or PlanSettings()
+        self.watching = watching or ExecutiveSettings()
+        self.frozen: dict[str, float] = {}
+        self.sigma: dict[str, float] = {}
+        self._runaway: tuple[str, ...] = ()
+        self._states: deque[tuple[int, Array, Array | None]] = deque(maxlen=500)
+        self._progress: _Progress | None = None
+        self._waiting: str | None = None
+        self._retries = 0
+
+    @property
+    def task(self) -> Task | None:
+        """The task being executed."""
+        return None if self._progress is None else self._progress.task
+
+    @property
+    def remaining(self) -> tuple[int, ...]:
+        """Places of the goals that the tool has not been measured at yet."""
+        return () if self._progress is None else tuple(self._progress.remaining)
+
+    def on_task(self, task: Task) -> Decision | None:
+        """Take up a new task; it replaces the one before.
+
+        Returns None where no usable state has been measured yet: the plan is then made with the
+        first one.
+        """
+        self._progress = _Progress(task, list(range(len(task.goals))))
+        self._retries = 0
+        return self._decide(f'task {task.name!r}')
+
+    def on_joint_state(
+        self,
+        stamp: int,
+        positions: Mapping[str, float],
+        velocities: Mapping[str, float] | None = None,
+    ) -> tuple[list[Visited], Decision | None]:
+        """Take in one measured state of the whole arm; joints of others may be in it.
+
+        Raises
+        ------
+        InputError
+            For a joint of the arm that is missing or NaN.
+        """
+        q = self._of_arm(positions)
+        if self._states and stamp <= self._states[-1][0]:
+            return [], None  # late or repeated: newer ones have been used
+        v = None
+        if velocities is not None and all(
+            np.isfinite(velocities.get(name, np.nan)) for name in self.chain.joint_names
+        ):
+            v = self._of_arm(velocities)
+        self._states.append((stamp, q, v))
+        visited = self._watch(stamp, q)
+        if self._waiting:
+            return visited, self._decide(self._waiting)
+        return visited, self._retry(stamp)
+
+    def on_fault_state(
+        self,
+        stamp: int,
+        frozen: Mapping[str, float],
+        sigma: Mapping[str, float],
+        runaway: tuple[str, ...] = (),
+    ) -> Decision | None:
+        """Take in which joints are frozen (positions and standard deviations) or run away.
+
+        Plans anew when that changed while goals remain: a further failure during recovery, or a
+        joint that was cleared. Returns None otherwise, and where the newest measured state is
+        too old: the plan is then made with the next one. While a joint runs away the plan is to
+        stand still.
+        """
+        for name, value in frozen.items():
+            self.chain.index(name)
+            if not np.isfinite(value):
+                raise InputError(f'frozen joint {name!r}', f'stands at {value}; must be finite')
+        for name in runaway:
+            self.chain.index(name)
+        if dict(frozen) == self.frozen and runaway == self._runaway:
+            return None
+        new = [name for name in frozen if name not in self.frozen]
+        back = [name for name in self.frozen if name not in frozen]
+        self.frozen, self._runaway = dict(frozen), runaway
+        # A standard deviation that cannot be one is as good as none.
+        self.sigma = {
+            name: value if np.isfinite(value := sigma.get(name, 0.0)) and value >= 0.0 else 0.0
+            for name in frozen
+        }
+        if self._progress is None:
+            return None
+        cause = ', '.join(
+            [f'{name} frozen at {frozen[name]:.4f}' for name in new]
+            + [f'{name} cleared' for name in back]
+            + [f'{name} runs away' for name in runaway]
+        )
+        self._retries = 0
+        return self._decide(cause or 'a frozen position was corrected', now=stamp)
+
+    def _of_arm(self, values: Mapping[str, float]) -> Array:
+        """The arm's joints, (n,), out of values by name."""
+        names = self.chain.joint_names
+        missing = [name for name in names if name not in values]
+        if missing:
+            raise InputError(
+                f'joint state: {", ".join(missing)}',
+                f'missing; it names {", ".join(values) or "nothing"}',
+            )
+        q = np.array([values[name] for name in names], dtype=float)
+        bad = [name for name, value in zip(names, q, strict=True) if not np.isfinite(value)]
+        if bad:
+            raise InputError(f'joint state: {", ".join(bad)}', 'NaN or infinite')
+        return q
+
+    def _watch(self, stamp: int, q: Array) -> list[Visited]:
+        """Goals that the tool stands at now, at or after their planned time."""
+        progress = self._progress
+        if progress is None:
+            return []
+        visited = []
+        for index in list(progress.remaining):
+            due = progress.arrivals.get(index)
+            if due is None or stamp < due:
+                continue
+            goal = progress.goals[index]
+            distance, turn = tool_errors(self.chain, q, goal)
+            if distance <= goal.position_tolerance and not turn > goal.orientation_tolerance:
+                progress.remaining.remove(index)
+                visited.append(Visited(index, goal.id, stamp, distance, turn))
+        return visited
+
+    def _retry(self, stamp: int) -> Decision | None:
+        """Plan again for goals whose time has long passed without the tool being there."""
+        progress = self._progress
+        if progress is None or not progress.arrivals:
+            return None
+        late = max(progress.arrivals.values()) + round(self.watching.patience * _SECOND)
+        missed = [index for index in progress.arrivals if index in progress.remaining]
+        if stamp < late or not missed or self._retries >= self.watching.retries:
+            return None
+        self._retries += 1
+        names = [progress.task.goals[i].id or f'goal {i}' for i in missed]
+        return self._decide(f'not met at their time: {", ".join(names)}')
+
+    def _decide(self, cause: str, now: int | None = None) -> Decision | None:
+        progress = self._progress
+        self._waiting = None
+        if progress is None or not progress.remaining:
+            return None
+        timeout = round(self.watching.state_timeout * _SECOND)
+        if not self._states or (now is not None and now - self._states[-1][0] > timeout):
+            self._waiting = cause
+            return None
+        stamp, q, _ = self._states[-1]
+        plan = plan_task(
+            self.chain,
+            [(index, progress.task.goals[index]) for index in progress.remaining],
+            frozen=self.frozen,
+            sigma=self.sigma,
+            start=q,
+            start_velocity=self._velocity(),
+            settings=self.planning,
+            halt=f'{", ".join(self._runaway)} runs away' if self._runaway else '',
+        )
+        progress.arrivals, progress.goals = {}, {}
+        for outcome in plan.outcomes:
+            if outcome.has_posture:
+                progress.arrivals[outcome.index] = stamp + round(outcome.arrival * _SECOND)
+                progress.goals[outcome.index] = outcome.target
+        return Decision(plan, stamp, cause, bool(self.frozen))
+
+    def _velocity(self) -> Array:
+        """Measured joint speeds, (n,), or those fitted to the latest positions."""
+        stamp, _, v = self._states[-1]
+        if v is not None:
+            return v
+        since = stamp - self.watching.velocity_window * _SECOND
+        recent = [(s, p) for s, p, _ in self._states if s >= since]
+        if len(recent) < 2:
+            return np.zeros(self.chain.n)
+        t = np.array([s - stamp for s, _ in recent]) / _SECOND
+        return np.asarray(np.polyfit(t, np.array([p for _, p in recent]), 1)[0])

@@ -1,0 +1,181 @@
+"""Several postures of a degraded arm for each goal: one near the arm, others elsewhere."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from ft_manip_ros.core.chain import FULL_TURN, Array, ChainArrays
+from ft_manip_ros.core.goal import Goal
+from ft_manip_ros.core.ik_kernels import (
+    AXIS,
+    CONVERGED,
+    POSE,
+    POSITION,
+    IkControl,
+    IkWork,
+    descend,
+    ik_work,
+    splitmix,
+    uniform,
+)
+from ft_manip_ros.core.planning.settings import PlanSettings
+
+# Postures nearer than this in every joint (rad or m) count as one.
+_SAME_POSTURE = 0.05
+# Starts spent on a goal for which no posture was found yet, per start of `PlanSettings.attempts`.
+_PATIENCE = 4
+_NO_ROTATION = np.eye(3)
+
+
+@dataclass(frozen=True, eq=False)
+class Postures:
+    """What the search found for one goal.
+
+    Attributes
+    ----------
+    q : ndarray, shape (K, n)
+        Postures of the full arm at the goal, frozen joints in place, the nearest first; K may
+        be 0.
+    best : ndarray, shape (n,)
+        The posture with the least error, whether it counts or not.
+    position_error, orientation_error
+        Of ``best`` (m, rad); the orientation error is 0 where none is asked for.
+    """
+
+    q: Array
+    best: Array
+    position_error: float
+    orientation_error: float
+
+
+@njit(cache=True, nogil=True)
+def _is_new(q: Array, found: Array, count: int, wraps: NDArray[np.bool_]) -> bool:
+    for k in range(count):
+        apart = 0.0
+        for i in range(q.shape[0]):
+            d = q[i] - found[k, i]
+            if wraps[i]:
+                d -= round(d / FULL_TURN) * FULL_TURN
+            apart = max(apart, abs(d))
+        if apart < _SAME_POSTURE:
+            return False
+    return True
+
+
+@njit(cache=True, nogil=True)
+def _search(
+    chain: ChainArrays,
+    frozen: NDArray[np.bool_],
+    mode: int,
+    position: Array,
+    rotation: Array,
+    control: IkControl,
+    near: Array,
+    attempts: int,
+    seed: int,
+    found: Array,
+    best: Array,
+    q: Array,
+    work: IkWork,
+) -> tuple[int, float, float]:
+    """Fill ``found`` (K, n); returns how many, and the errors of the posture left in ``best``.
+
+    Starts are the rows of ``near`` (S, n), then random ones; a goal without any posture gets
+    `_PATIENCE` times as many.
+    """
+    n = q.shape[0]
+    state = np.uint64(seed)
+    count, attempt = 0, 0
+    least = np.inf
+    best_position, best_orientation = np.inf, np.inf
+    while count < found.shape[0]:
+        if attempt >= attempts * (1 if count > 0 else _PATIENCE):
+            break
+        for i in range(n):
+            q[i] = near[0, i]
+            if frozen[i]:
+                continue
+            if attempt < near.shape[0]:
+                q[i] = near[attempt, i]
+            else:
+                state = splitmix(state)
+                q[i] = chain.lower[i] + uniform(state) * (chain.upper[i] - chain.lower[i])
+            # A measured joint may stand a little outside its range.
+            if not chain.wraps[i]:
+                q[i] = min(max(q[i], chain.lower[i]), chain.upper[i])
+        attempt += 1
+        status, _, pe, oe = descend(chain, frozen, mode, position, rotation, control, q, work)
+        cost = pe * pe + (control.weight * oe) ** 2
+        if cost < least:
+            least, best_position, best_orientation = cost, pe, oe
+            best[:] = q
+        if status == CONVERGED and _is_new(q, found, count, chain.wraps):
+            found[count] = q
+            count += 1
+    return count, best_position, best_orientation
+
+
+def find_postures(
+    chain: ChainArrays,
+    frozen: NDArray[np.bool_],
+    goal: Goal,
+    near: Array,
+    settings: PlanSettings,
+    *,
+    seed: int,
+) -> Postures:
+    """Look for postures that reach a goal with some joints frozen.
+
+    Finding none proves nothing.
+
+    Parameters
+    ----------
+    chain
+        The full arm, with the limits to obey.
+    frozen : shape (n,)
+        True for frozen joints.
+    goal
+        Reached when the errors are within its own tolerances; a posture at the accuracy of the
+        settings is preferred.
+    near : shape (S, n)
+        Postures to start from, the preferred one first; frozen joints at their positions.
+    seed
+        Of the random starts.
+    """
+    n = near.shape[1]
+    rotation = _NO_ROTATION if goal.orientation is None else goal.orientation
+    found, best, q = np.empty((settings.postures, n)), near[0].copy(), np.empty(n)
+    control = IkControl(
+        settings.ik_tolerance, settings.ik_orientation_tolerance, 0.5, 60, 0, 0.1, 0.7, 8, 0.5
+    )
+    near = np.ascontiguousarray(near)
+    count, position_error, orientation_error = _search(
+        chain,
+        frozen,
+        POSITION if goal.orientation is None else AXIS if goal.free_axis else POSE,
+        goal.position,
+        rotation,
+        control,
+        near,
+        settings.attempts,
+        seed,
+        found,
+        best,
+        q,
+        ik_work(n),
+    )
+    if count == 0 and _counts(goal, position_error, orientation_error):
+        found, count = best[None, :].copy(), 1
+    return Postures(found[:count], best, float(position_error), float(orientation_error))
+
+
+def _counts(goal: Goal, position_error: float, orientation_error: float) -> bool:
+    """Tell whether errors are within the goal's own tolerances."""
+    return bool(
+        position_error <= goal.position_tolerance
+        and orientation_error <= goal.orientation_tolerance
+    )

@@ -1,0 +1,140 @@
+"""Plan the rest of a task from a measured state, with some joints frozen or none."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ft_manip_ros.core.chain import Array, ChainArrays, SerialChain
+from ft_manip_ros.core.errors import InputError
+from ft_manip_ros.core.goal import Goal
+from ft_manip_ros.core.planning.limits import MotionLimits, motion_limits
+from ft_manip_ros.core.planning.plan import Plan, PlanStatus
+from ft_manip_ros.core.planning.reporting import describe, outcome_of
+from ft_manip_ros.core.planning.route import Route, plan_route, stop_route
+from ft_manip_ros.core.planning.safety import check_trajectory
+from ft_manip_ros.core.planning.settings import PlanSettings, Policy
+from ft_manip_ros.core.planning.trajectory import Trajectory
+from ft_manip_ros.core.planning.triage import Finding, triage
+
+
+def plan_task(
+    chain: SerialChain,
+    goals: Sequence[tuple[int, Goal]],
+    *,
+    frozen: Mapping[str, float],
+    sigma: Mapping[str, float],
+    start: Array,
+    start_velocity: Array,
+    settings: PlanSettings,
+    halt: str = '',
+) -> Plan:
+    """Decide what becomes of the remaining goals and make the motion that visits them.
+
+    The healthy joints start from the measured state without a jump in position or velocity,
+    stay within position, speed, acceleration and jerk limits and rest at each goal; the frozen
+    ones are held where they stand. The trajectory has passed `check_trajectory`.
+
+    Parameters
+    ----------
+    chain
+        The full arm.
+    goals
+        Remaining goals in order, with their places in the original task.
+    frozen
+        Positions (rad or m) of the frozen joints, by name; empty before a failure, when the
+        operating limits are obeyed instead of the physical ones.
+    sigma
+        Their standard deviations; a missing one counts as 0.
+    start, start_velocity : shape (n,)
+        Measured state of all joints.
+    halt
+        Why to stop whatever the policy says; goals are judged all the same.
+
+    Raises
+    ------
+    InputError
+        For unknown joints, wrong lengths, NaN or infinity.
+    """
+    start = chain.check_vector(start, 'start').copy()
+    start_velocity = chain.check_vector(start_velocity, 'start_velocity')
+    rod = chain.freeze(frozen)
+    mask = np.zeros(chain.n, dtype=np.bool_)
+    for name, position in frozen.items():
+        mask[chain.index(name)] = True
+        start[chain.index(name)] = position
+    for name, value in sigma.items():
+        chain.index(name)
+        if not (np.isfinite(value) and value >= 0.0):
+            raise InputError(f'sigma of {name!r}', f'is {value}; must be a finite number >= 0')
+    limits = motion_limits(chain, operating=not frozen, jerk_time=settings.jerk_time)
+    healthy = np.flatnonzero(~mask)
+    scaled = limits.take(healthy).scaled(settings.rate_scale)
+    stopping = stop_route(start[healthy], start_velocity[healthy], scaled, settings)
+    here = start.copy()
+    here[healthy] = stopping.motion.positions[-1]
+    findings = triage(_within(chain, limits), rod, mask, goals, here, settings)
+    chosen, why_not = ([], halt) if halt else _to_visit(findings, bool(frozen), settings)
+    route = stopping
+    if chosen:
+        route = plan_route(
+            chosen, start[healthy], start_velocity[healthy], healthy, here, limits, settings
+        )
+    outcomes = tuple(
+        outcome_of(chain, finding, route.visits.get(finding.index), frozen, sigma)
+        for finding in findings
+    )
+    trajectory = _expanded(chain, route, healthy, start)
+    problems = check_trajectory(
+        chain,
+        trajectory,
+        limits,
+        frozen=frozen,
+        start=start,
+        start_velocity=np.where(mask, 0.0, start_velocity),
+    )
+    status, reason = describe(outcomes, why_not)
+    if problems:
+        status, reason = PlanStatus.REFUSED, f'the trajectory is unsafe: {"; ".join(problems)}'
+    return Plan(
+        status, reason, dict(frozen), dict(sigma), outcomes, None if problems else trajectory
+    )
+
+
+def _within(chain: SerialChain, limits: MotionLimits) -> ChainArrays:
+    """The arm as kernels read it, with the limits to obey."""
+    return chain.arrays._replace(lower=limits.lower, upper=limits.upper, wraps=limits.turns)
+
+
+def _to_visit(
+    findings: Sequence[Finding], degraded: bool, settings: PlanSettings
+) -> tuple[list[Finding], str]:
+    """Which goals to go to, and why not to any other."""
+    possible = [
+        finding
+        for finding in findings
+        if len(finding.postures.q)
+        and (finding.relaxation is None or finding.relaxation in settings.accepted)
+    ]
+    if degraded and settings.policy == Policy.HALT:
+        return [], 'the policy is to halt after a failure'
+    if degraded and settings.policy == Policy.FINISH_ALL_OR_HALT and len(possible) < len(findings):
+        missing = [f.goal.id or f'goal {f.index}' for f in findings if f not in possible]
+        return [], f'the policy is to finish all or halt, and {", ".join(missing)} cannot be done'
+    return possible, ''
+
+
+def _expanded(
+    chain: SerialChain, route: Route, healthy: NDArray[np.intp], start: Array
+) -> Trajectory:
+    """The motion of the healthy joints as a trajectory of all, the frozen ones held."""
+    motion = route.motion
+    count = len(motion.times)
+    positions = np.tile(start, (count, 1))
+    velocities, accelerations = np.zeros((2, count, chain.n))
+    positions[:, healthy] = motion.positions
+    velocities[:, healthy] = motion.velocities
+    accelerations[:, healthy] = motion.accelerations
+    return Trajectory(chain.joint_names, motion.times, positions, velocities, accelerations)

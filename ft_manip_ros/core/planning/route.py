@@ -1,0 +1,111 @@
+"""The motion of the healthy joints: to each chosen goal in turn with a rest there, or a stop."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ft_manip_ros.core.chain import FULL_TURN, Array
+from ft_manip_ros.core.planning import timing
+from ft_manip_ros.core.planning.limits import MotionLimits, travel
+from ft_manip_ros.core.planning.sequence import choose_postures
+from ft_manip_ros.core.planning.settings import PlanSettings
+from ft_manip_ros.core.planning.timing import Motion
+from ft_manip_ros.core.planning.triage import Finding
+
+# A controller needs two points; a stop that takes no time still stands for this long (s).
+_SHORTEST_HOLD = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class Visit:
+    """Arrival at one goal: s from the start, and the posture, (n,), of the full arm."""
+
+    arrival: float
+    posture: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Route:
+    """A motion of the healthy joints and what it visits, by place in the original task."""
+
+    motion: Motion
+    visits: dict[int, Visit] = field(default_factory=dict)
+
+
+def stop_route(q: Array, v: Array, limits: MotionLimits, settings: PlanSettings) -> Route:
+    """Come to rest at once; q and v, (m,), are the state of the healthy joints."""
+    parts = [timing.stop(q, v, limits, settings.sample_period)] if len(q) else []
+    end = parts[-1].positions[-1] if parts else q
+    return Route(timing.joined([*parts, timing.hold(end, _SHORTEST_HOLD)]))
+
+
+def plan_route(
+    findings: Sequence[Finding],
+    q: Array,
+    v: Array,
+    healthy: NDArray[np.intp],
+    here: Array,
+    limits: MotionLimits,
+    settings: PlanSettings,
+) -> Route:
+    """Visit the goals in the given order, each in the posture that makes the whole fastest.
+
+    Parameters
+    ----------
+    findings
+        Goals with at least one posture each.
+    q, v : shape (m,)
+        State of the healthy joints.
+    healthy : shape (m,)
+        Their places in the full arm.
+    here : shape (n,)
+        Where the full arm would come to rest if it stopped at once.
+    limits
+        Of all n joints.
+    """
+    scaled = limits.take(healthy).scaled(settings.rate_scale)
+    candidates = [
+        folded(finding.postures.q[:, healthy], here[healthy], limits.take(healthy))
+        for finding in findings
+    ]
+    first = np.array([timing.arrival_time(q, v, target, scaled) for target in candidates[0]])
+    extra = [settings.limit_weight * limit_closeness(group, scaled) for group in candidates]
+    picks, _ = choose_postures(first, candidates, scaled, extra=extra)
+    parts: list[Motion] = []
+    visits: dict[int, Visit] = {}
+    clock, at = 0.0, q
+    for finding, group, pick in zip(findings, candidates, picks, strict=True):
+        if parts:
+            target = at + travel(at, group[pick], scaled.unlimited)
+            move = timing.move_between(at, target, scaled, settings.sample_period)
+        else:
+            move = timing.move_from(q, v, group[pick], scaled, settings.sample_period)
+        at = move.positions[-1]
+        clock += move.duration
+        posture = here.copy()
+        posture[healthy] = at
+        visits[finding.index] = Visit(clock, posture)
+        rest = timing.hold(at, max(settings.dwell, timing.SHORTEST_STEP))
+        clock += rest.duration
+        parts += [move, rest]
+    return Route(timing.joined(parts), visits)
+
+
+def folded(postures: Array, near: Array, limits: MotionLimits) -> Array:
+    """The same postures, (K, m), in the turn nearest to ``near``, (m,), that limits allow."""
+    turning = limits.turns
+    moved = near + travel(near, postures, turning)
+    over = turning & ~limits.unlimited & (moved > limits.upper)
+    under = turning & ~limits.unlimited & (moved < limits.lower)
+    return moved - FULL_TURN * over + FULL_TURN * under
+
+
+def limit_closeness(postures: Array, limits: MotionLimits) -> Array:
+    """From 0 (each joint in the middle of its range) to 1 (one at its end), shape (K,)."""
+    middle = 0.5 * (limits.lower + limits.upper)
+    off = np.abs(postures - middle) / (0.5 * (limits.upper - limits.lower))
+    return np.max(np.where(limits.unlimited, 0.0, off), axis=1, initial=0.0)

@@ -1,0 +1,121 @@
+"""What a degraded arm can still do with each goal; a failed search alone never loses one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ft_manip_ros.core.chain import Array, ChainArrays, SerialChain
+from ft_manip_ros.core.goal import Goal
+from ft_manip_ros.core.planning.plan import Outcome
+from ft_manip_ros.core.planning.postures import Postures, find_postures
+from ft_manip_ros.core.planning.reach import proved_miss
+from ft_manip_ros.core.planning.settings import PlanSettings, Relaxation
+
+
+@dataclass(frozen=True, eq=False)
+class Finding:
+    """What was found out about one goal.
+
+    Attributes
+    ----------
+    goal
+        As asked for; ``relaxed`` is what the postures reach.
+    relaxation
+        What was given up, or None.
+    miss
+        Proved distance (m) by which the goal is missed; only for LOST.
+    """
+
+    goal: Goal
+    index: int
+    outcome: Outcome
+    relaxed: Goal
+    relaxation: Relaxation | None
+    postures: Postures
+    reason: str
+    miss: float = float('nan')
+
+
+def relaxations(goal: Goal) -> list[tuple[Relaxation, Goal]]:
+    """Weaker goals, the least given up first."""
+    if goal.orientation is None:
+        return []
+    weaker = []
+    if not goal.free_axis:
+        weaker.append((Relaxation.FREE_ROLL, replace(goal, free_axis=True)))
+    dropped = replace(goal, orientation=None, free_axis=False)
+    weaker.append((Relaxation.ORIENTATION_DROPPED, dropped))
+    return weaker
+
+
+def triage(
+    chain: ChainArrays,
+    rod: SerialChain,
+    frozen: NDArray[np.bool_],
+    goals: Sequence[tuple[int, Goal]],
+    here: Array,
+    settings: PlanSettings,
+) -> list[Finding]:
+    """Judge goals in order; each search starts from the postures found for the goal before.
+
+    Parameters
+    ----------
+    chain
+        The full arm with the limits to obey.
+    rod
+        The same arm with its frozen joints taken out; with nothing frozen, the arm.
+    frozen : shape (n,)
+    goals
+        With their places in the original task.
+    here : shape (n,)
+        Where the arm stands, or will once it has stopped.
+    """
+    near = here[None, :]
+    findings = []
+    for index, goal in goals:
+        finding = _judge(chain, rod, frozen, index, goal, near, settings)
+        findings.append(finding)
+        if len(finding.postures.q):
+            near = np.vstack([finding.postures.q[: settings.postures // 2 + 1], here])
+    return findings
+
+
+def _judge(
+    chain: ChainArrays,
+    rod: SerialChain,
+    frozen: NDArray[np.bool_],
+    index: int,
+    goal: Goal,
+    near: Array,
+    settings: PlanSettings,
+) -> Finding:
+    miss, why = proved_miss(rod, goal)
+    if miss > goal.position_tolerance:
+        nothing = Postures(np.empty((0, len(frozen))), near[0], miss, np.nan)
+        return Finding(goal, index, Outcome.LOST, goal, None, nothing, why, miss)
+    asked = find_postures(chain, frozen, goal, near, settings, seed=settings.seed + index)
+    if len(asked.q):
+        return Finding(goal, index, Outcome.REACHABLE, goal, None, asked, _reached(asked))
+    for relaxation, weaker in relaxations(goal):
+        found = find_postures(chain, frozen, weaker, near, settings, seed=settings.seed + index)
+        if len(found.q):
+            reason = f'with the {relaxation.value} only: {_missed(asked, goal)}'
+            return Finding(goal, index, Outcome.RELAXED, weaker, relaxation, found, reason)
+    reason = f'neither posture nor proof: {_missed(asked, goal)}'
+    return Finding(goal, index, Outcome.UNDECIDED, goal, None, asked, reason)
+
+
+def _reached(found: Postures) -> str:
+    count = len(found.q)
+    return f'{count} posture{"s" if count > 1 else ""} found'
+
+
+def _missed(best: Postures, goal: Goal) -> str:
+    turn = ''
+    if goal.orientation is not None:
+        turn = f' and {best.orientation_error:.3g} rad'
+    return f'the best posture found as asked misses by {best.position_error:.3g} m{turn}'

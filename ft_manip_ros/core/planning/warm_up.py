@@ -1,0 +1,36 @@
+"""Run every compiled path of the planner once, so that none is compiled after a failure."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ft_manip_ros.core.chain import SerialChain
+from ft_manip_ros.core.goal import Goal
+from ft_manip_ros.core.kinematics import fk
+from ft_manip_ros.core.planning.replan import plan_task
+from ft_manip_ros.core.planning.settings import PlanSettings
+
+
+def warm_up(chain: SerialChain, settings: PlanSettings) -> None:
+    """Plan poses and a point on an arm, healthy and with its first joint frozen."""
+    middle = 0.5 * (chain.lower + chain.upper)
+    goals = []
+    for share in (0.1, 0.2):
+        rotation, position = fk(chain, middle + share * (chain.upper - chain.lower))
+        goals.append(Goal(position, rotation))
+    goals.append(replace(goals[0], free_axis=True))
+    goals.append(Goal(goals[1].position))
+    first = chain.joint_names[0]
+    cases: tuple[dict[str, float], ...] = ({}, {first: float(middle[0])})
+    for frozen in cases:
+        plan_task(
+            chain,
+            list(enumerate(goals)),
+            frozen=frozen,
+            sigma=dict.fromkeys(frozen, 0.0001),
+            start=middle,
+            start_velocity=np.where(np.arange(chain.n) == 0, 0.0, 0.1 * chain.velocity),
+            settings=settings,
+        )
