@@ -1,0 +1,109 @@
+"""Compiled loop over goals: the joints' combinations in turn, until one refutes the goal."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from ft_manip_ros.core.chain import Array, ChainArrays
+from ft_manip_ros.core.ftws.certify import make_scratch
+from ft_manip_ros.core.ftws.judge import MEMBER, NON_MEMBER, Effort, Work, cover
+from ft_manip_ros.core.ftws.task_map import TaskArrays
+
+# Intervals kept per joint; more than this are merged into "not proved".
+INTERVALS = 64
+_GAPS = 256
+_BOXES = 1024
+
+
+@njit(cache=True, nogil=True)
+def make_work(n: int, m: int, k: int) -> Work:
+    """Allocate one thread's scratch for n joints, m equations and k failures."""
+    return Work(
+        make_scratch(n, m, k),
+        np.zeros((_GAPS, 2 * k)),
+        np.zeros((2, k)),
+        np.zeros(k),
+        np.zeros(n),
+        np.zeros(n),
+        np.zeros(n, dtype=np.bool_),
+        np.zeros(n),
+        np.zeros((2, _BOXES, n)),
+        np.zeros(1, dtype=np.uint64),
+    )
+
+
+@njit(cache=True, nogil=True)
+def judge_goals(
+    chain: ChainArrays,
+    task: TaskArrays,
+    goals: Array,
+    combos: NDArray[np.int64],
+    ranges: Array,
+    arms: Array,
+    effort: Effort,
+    verdicts: NDArray[np.int64],
+    combo_of: NDArray[np.int64],
+    witness: Array,
+    numbers: Array,
+    covered: Array,
+    covered_count: NDArray[np.int64],
+    pieces: Array,
+    count: NDArray[np.int64],
+) -> None:
+    """Judge N goals of C combinations of k failed joints.
+
+    Parameters
+    ----------
+    goals : shape (N, 7)
+        Position (m) and quaternion (w, x, y, z).
+    combos : shape (C, k)
+    ranges : shape (2, n)
+        Where joints can freeze (rad or m).
+    arms : shape (n,)
+        How far the tool can be from each axis (m); 1 for a slide.
+    verdicts, combo_of : shape (N,), out
+        Verdict and the combination that it hangs on (-1: none).
+    witness : shape (N, k), out
+    numbers : shape (N, 2), out
+        Proved ball (m) of a member; proved distance or worst residual (m).
+    covered : shape (N, C, R, 2), covered_count : shape (N, C), out
+        Proved intervals of frozen positions (order 1; R may be 0).
+    pieces : shape (P, 1 + k + n), count : shape (2,), out
+        The certificate's boxes and how many there were; for N = 1.
+    """
+    n = ranges.shape[1]
+    k = combos.shape[1]
+    m = task.position_rows.shape[0] + task.orientation_rows.shape[0]
+    work = make_work(n, m, k)
+    angles = np.zeros(k)
+    pair = np.zeros(2)
+    for g in range(goals.shape[0]):
+        verdicts[g] = MEMBER
+        combo_of[g] = -1
+        numbers[g, 0] = 1e300 if effort.margin else -1.0
+        numbers[g, 1] = 0.0
+        count[0] = 0
+        count[1] = 0
+        for c in range(combos.shape[0]):
+            # The stream depends on the question alone, not on what was asked before.
+            work.state[0] = np.uint64(effort.seed) * np.uint64(1000003) + np.uint64(c)
+            pair[0] = numbers[g, 0]
+            pair[1] = 0.0
+            lost = verdicts[g] == NON_MEMBER
+            outcome = cover(
+                chain, task, goals[g], combos[c], c, ranges, effort, lost, arms[combos[c, 0]],
+                covered[g, c], covered_count[g, c : c + 1], angles, pair, pieces, count, work,
+            )  # fmt: skip
+            if lost:
+                continue
+            numbers[g, 0] = pair[0]
+            if outcome < verdicts[g] or (outcome < MEMBER and pair[1] > numbers[g, 1]):
+                verdicts[g] = min(outcome, verdicts[g])
+                combo_of[g] = c
+                numbers[g, 1] = pair[1]
+                for j in range(k):
+                    witness[g, j] = angles[j]
+            if outcome == NON_MEMBER and not effort.intervals:
+                break

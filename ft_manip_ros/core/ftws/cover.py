@@ -1,0 +1,167 @@
+"""Compiled sweep: lay certified boxes side by side along the first frozen joint."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from ft_manip_ros.core.chain import Array, ChainArrays
+from ft_manip_ros.core.ftws.certify import (
+    ABSOLUTE_ROUNDING,
+    Scratch,
+    build,
+    norm_of,
+    slack,
+    widest,
+)
+from ft_manip_ros.core.ftws.posture import correct
+from ft_manip_ros.core.ftws.task_map import TaskArrays
+
+# Start residuals below this share of the length scale cost the certificate nothing.
+_START_RESIDUAL = 1e-6
+_NEWTON_STEPS = 4
+_OVERLAP = 0.9
+# Share of a piece's width that is used when a ball of goals is wanted as well.
+_WITH_MARGIN = 0.7
+
+
+@njit(cache=True, nogil=True)
+def certify_at(
+    chain: ChainArrays,
+    task: TaskArrays,
+    goal: Array,
+    q: Array,
+    is_free: NDArray[np.bool_],
+    combo: NDArray[np.int64],
+    halves: Array,
+    radius: float,
+    guess: float,
+    smallest: float,
+    s: Scratch,
+) -> float:
+    """Correct ``q`` (changed) and return the half-width certified around its frozen angle."""
+    norm = correct(
+        chain, task, goal, q, is_free, s.model, s.weights, s.gram, s.inverse,
+        _START_RESIDUAL * task.length, _NEWTON_STEPS,
+    )  # fmt: skip
+    if not norm < 0.1 * task.length:
+        return 0.0
+    build(chain, task, combo, s)
+    start = norm + radius + ABSOLUTE_ROUNDING * (1.0 + task.length)
+    return widest(chain, task, q, is_free, halves, start, guess, smallest, s)
+
+
+@njit(cache=True, nogil=True)
+def _keep(q: Array, s: Scratch) -> None:
+    for i in range(q.shape[0]):
+        s.kept[0, i] = q[i]
+        s.kept[1, i] = s.directions[0, i]
+        s.kept[2, i] = s.directions[1, i]
+
+
+@njit(cache=True, nogil=True)
+def record(
+    pieces: Array,
+    count: NDArray[np.int64],
+    combo_index: int,
+    q: Array,
+    combo: NDArray[np.int64],
+    halves: Array,
+) -> None:
+    """Append one certified box: combo index, half-widths, posture (frozen joints included)."""
+    k = combo.shape[0]
+    if count[0] < pieces.shape[0]:
+        row = pieces[count[0]]
+        row[0] = combo_index
+        for j in range(k):
+            row[1 + j] = halves[j]
+        for i in range(q.shape[0]):
+            row[1 + k + i] = q[i]
+    count[0] += 1
+
+
+@njit(cache=True, nogil=True)
+def sweep(
+    chain: ChainArrays,
+    task: TaskArrays,
+    goal: Array,
+    q: Array,
+    is_free: NDArray[np.bool_],
+    combo: NDArray[np.int64],
+    combo_index: int,
+    halves: Array,
+    radius: float,
+    width: float,
+    end: float,
+    smallest: float,
+    margin: Array,
+    pieces: Array,
+    count: NDArray[np.int64],
+    s: Scratch,
+) -> float:
+    """Cover from a certified posture towards ``end``; return the frontier that was reached.
+
+    Parameters
+    ----------
+    q : shape (n,)
+        Posture certified by `certify_at` just before (its ``build`` is still in the scratch).
+    halves : shape (k,)
+        Half-widths of the other frozen joints in [1:]; [0] is scratch.
+    width : float
+        Half-width certified around ``q``.
+    end : float
+        Where to stop, on either side of the posture's own frozen position.
+    smallest : float
+        Give up below this half-width.
+    margin : shape (1,)
+        Lowered to the smallest radius of goals that the pieces prove; negative: not wanted.
+    """
+    first = combo[0]
+    n = q.shape[0]
+    sign = 1.0 if end >= q[first] else -1.0
+    frontier = q[first] + sign * width
+    h = width
+    rounding = ABSOLUTE_ROUNDING * (1.0 + task.length)
+    _keep(q, s)
+    if margin[0] > 0.0:
+        h = halves[0] = _WITH_MARGIN * width
+        frontier = q[first] + sign * h
+        start = norm_of(s.model.residual) + radius + rounding
+        margin[0] = min(margin[0], slack(chain, task, q, is_free, halves, start, s))
+    while sign * (end - frontier) > 0.0:
+        ahead = min(_OVERLAP * h, sign * (end - frontier))
+        accepted = False
+        for _ in range(8):
+            target = frontier + sign * ahead
+            delta = target - s.kept[0, first]
+            for i in range(n):
+                s.trial[i] = s.kept[0, i]
+                if is_free[i]:
+                    s.trial[i] += delta * (s.kept[1, i] + delta * s.kept[2, i])
+            s.trial[first] = target
+            h = certify_at(
+                chain, task, goal, s.trial, is_free, combo, halves, radius, h, smallest, s
+            )
+            count[1] += 1
+            # The overlap that the pieces' ends need against rounding of the angle itself.
+            if h >= ahead * (1.0 + 1e-9) + 1e-12:
+                accepted = True
+                break
+            ahead = max(0.4 * ahead, 0.8 * h) if h > 0.0 and 0.8 * h < ahead else 0.4 * ahead
+            if ahead < smallest:
+                break
+        if not accepted:
+            return frontier
+        _keep(s.trial, s)
+        frontier = s.kept[0, first] + sign * h
+        halves[0] = h
+        if margin[0] > 0.0:
+            # A narrower piece leaves slack for a ball of goals.
+            h = halves[0] = max(ahead * (1.0 + 1e-9) + 1e-12, _WITH_MARGIN * h)
+            frontier = s.kept[0, first] + sign * h
+            start = norm_of(s.model.residual) + radius + rounding
+            margin[0] = min(margin[0], slack(chain, task, s.trial, is_free, halves, start, s))
+        if pieces.shape[0] > 0:
+            record(pieces, count, combo_index, s.trial, combo, halves)
+    return frontier

@@ -1,0 +1,189 @@
+"""The question of the FTWS: is this goal reachable whichever joints fail, at whichever angles?"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+
+from ft_manip_ros.core.chain import Array, SerialChain
+from ft_manip_ros.core.errors import InputError
+from ft_manip_ros.core.ftws.batch import INTERVALS, judge_goals
+from ft_manip_ros.core.ftws.judge import MEMBER, NON_MEMBER
+from ft_manip_ros.core.ftws.problem import Problem, goal_rows, prepare
+from ft_manip_ros.core.ftws.settings import FtwsSettings
+from ft_manip_ros.core.ftws.verdict import FtwsResult, Verdict
+from ft_manip_ros.core.goal import Goal
+from ft_manip_ros.core.kinematics import fk
+
+_NO_PIECES = np.zeros((0, 0))
+# Intervals closer than this are one (rad or m).
+_TOUCHING = 1e-9
+
+
+def query(
+    chain: SerialChain,
+    goals: Sequence[Goal] | Array,
+    *,
+    order: int = 1,
+    mode: str = 'position',
+    settings: FtwsSettings | None = None,
+    threads: int = 1,
+) -> list[FtwsResult]:
+    """Judge goals against the fault-tolerant work space of an arm.
+
+    Parameters
+    ----------
+    chain
+        The arm, whole. Joints freeze within their operating limits; the others then use their
+        physical limits.
+    goals : sequence of Goal, or ndarray (N, 3) or (N, 7)
+        Positions (m), or positions and quaternions [qx, qy, qz, qw], in the base frame.
+    order
+        How many joints fail at once, k >= 1.
+    mode
+        ``'position'``, ``'pose'`` or ``'dextrous'`` (position in every orientation).
+    threads
+        Goals are shared among this many threads; the answers do not depend on it.
+
+    Returns
+    -------
+    list of FtwsResult
+        One per goal, in order.
+
+    Raises
+    ------
+    InputError
+        For malformed goals, an unknown mode or an impossible order.
+    """
+    settings = settings or FtwsSettings()
+    if threads < 1:
+        raise InputError('threads', f'is {threads}; must be at least 1')
+    rows, free = goal_rows(goals, mode)
+    problems = {
+        flag: prepare(chain, mode, order, free_axis=flag) for flag in sorted(set(free.tolist()))
+    } or {False: prepare(chain, mode, order)}
+    deadline = time.perf_counter() + settings.time_budget if settings.time_budget else np.inf
+
+    def ask(i: int) -> FtwsResult:
+        if time.perf_counter() > deadline:
+            x, y, z = rows[i, :3].tolist()
+            return FtwsResult((x, y, z), Verdict.UNDECIDED, 'the time budget was spent before it')
+        return judge_one(problems[bool(free[i])], rows[i], settings)
+
+    if threads == 1 or len(rows) < 2:
+        return [ask(i) for i in range(len(rows))]
+    with ThreadPoolExecutor(threads) as pool:
+        return list(pool.map(ask, range(len(rows))))
+
+
+def warm_up(chain: SerialChain, *, order: int = 1, mode: str = 'position') -> None:
+    """Compile (or load) the kernels for an arm, so that no callback has to wait for it."""
+    problem = prepare(chain, mode, order)
+    goal = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
+    judge_one(problem, goal, FtwsSettings(restarts=1, boxes=1, pieces=1))
+
+
+def judge_one(
+    problem: Problem, goal: Array, settings: FtwsSettings, pieces: Array | None = None
+) -> FtwsResult:
+    """Judge one goal row (7,) of a prepared problem; ``pieces`` receives the certificate."""
+    started = time.perf_counter()
+    x, y, z = goal[:3].tolist()
+    off = distance_off_plane(problem, goal)
+    if off > settings.tolerance + settings.radius:
+        first = problem.combos[0]
+        return FtwsResult(
+            (x, y, z),
+            Verdict.NON_MEMBER,
+            'the goal is off the plane of this planar arm',
+            tuple(problem.chain.joint_names[j] for j in first),
+            tuple(float(problem.ranges[:, j].mean()) for j in first),
+            residual=off,
+            margin=off - settings.tolerance,
+            tolerated={name: [] for name in failing(problem)} if problem.order == 1 else {},
+            surviving_fraction=dict.fromkeys(failing(problem), 0.0) if problem.order == 1 else {},
+            elapsed_s=time.perf_counter() - started,
+        )
+    combos = problem.combos
+    count_c, k = combos.shape
+    verdicts, combo_of = np.zeros(1, dtype=np.int64), np.zeros(1, dtype=np.int64)
+    witness, numbers = np.zeros((1, k)), np.zeros((1, 2))
+    rows = INTERVALS if k == 1 else 0
+    covered = np.zeros((1, count_c, rows, 2))
+    covered_count = np.zeros((1, count_c), dtype=np.int64)
+    count = np.zeros(2, dtype=np.int64)
+    judge_goals(
+        problem.arrays, problem.task, np.ascontiguousarray(goal)[None], combos, problem.ranges,
+        problem.arms, settings.effort(problem.oriented, problem.task.length), verdicts, combo_of,
+        witness, numbers, covered, covered_count, _NO_PIECES if pieces is None else pieces, count,
+    )  # fmt: skip
+    code, at = int(verdicts[0]), int(combo_of[0])
+    margin, residual = float(numbers[0, 0]), float(numbers[0, 1])
+    joints: tuple[str, ...] = ()
+    angles: tuple[float, ...] = ()
+    if at >= 0:
+        joints = tuple(problem.chain.joint_names[j] for j in combos[at])
+        angles = tuple(witness[0].tolist())
+    if code == MEMBER:
+        verdict = Verdict.MEMBER
+        reason = f'covered: a posture exists for every position of any {k} failed joint(s)'
+        residual = 0.0
+        margin = max(margin, 0.0)
+    elif code == NON_MEMBER:
+        verdict = Verdict.NON_MEMBER
+        reason = f'refuted: no posture comes within {residual:.3g} m with these joints frozen'
+        margin = max(residual - settings.tolerance, 0.0)
+    else:
+        verdict = Verdict.UNDECIDED
+        reason = 'neither covered nor refuted within the budget'
+        margin = 0.0
+    tolerated: dict[str, list[tuple[float, float]]] = {}
+    surviving: dict[str, float] = {}
+    if k == 1 and (settings.intervals or code == MEMBER):
+        for c, joint in enumerate(combos[:, 0]):
+            name = problem.chain.joint_names[joint]
+            merged = merge_intervals(covered[0, c, : covered_count[0, c]])
+            width = float(problem.ranges[1, joint] - problem.ranges[0, joint])
+            tolerated[name] = merged
+            # The parts touch to rounding; a joint that cannot move survives or not as a whole.
+            total = sum(b - a for a, b in merged)
+            surviving[name] = min(total / width, 1.0) if width > 0.0 else float(bool(merged))
+    return FtwsResult(
+        (x, y, z), verdict, reason, joints, angles, residual, margin, tolerated, surviving,
+        time.perf_counter() - started,
+    )  # fmt: skip
+
+
+def failing(problem: Problem) -> list[str]:
+    """Names of the joints that may fail."""
+    return [problem.chain.joint_names[j] for j in sorted(set(problem.combos.ravel().tolist()))]
+
+
+def distance_off_plane(problem: Problem, goal: Array) -> float:
+    """Distance that no posture of a planar arm can make good (m); 0 for a spatial arm."""
+    if problem.plane is None:
+        return 0.0
+    off = abs(float(problem.plane.normal @ goal[:3]) - problem.plane.height)
+    if problem.oriented:
+        w, v = goal[3], goal[4:]
+        rotation = fk(problem.chain, np.zeros(problem.chain.n))[0]
+        # The goal's tool has to carry the same body axis along the plane's normal.
+        body = rotation.T @ problem.plane.normal
+        carried = body + 2.0 * np.cross(v, np.cross(v, body) + w * body)
+        tilt = float(np.linalg.norm(carried - problem.plane.normal))
+        off = float(np.hypot(off, problem.task.length * tilt))
+    return off
+
+
+def merge_intervals(rows: Array) -> list[tuple[float, float]]:
+    """Union of intervals (R, 2), sorted."""
+    merged: list[tuple[float, float]] = []
+    for a, b in sorted((float(a), float(b)) for a, b in rows):
+        if merged and a <= merged[-1][1] + _TOUCHING:
+            merged[-1] = (merged[-1][0], max(b, merged[-1][1]))
+        else:
+            merged.append((a, b))
+    return merged
