@@ -10,14 +10,13 @@ from numpy.typing import NDArray
 
 from ft_manip_ros.core.chain import FULL_TURN, Array, ChainArrays
 from ft_manip_ros.core.goal import Goal
-from ft_manip_ros.core.ik_kernels import (
-    AXIS,
+from ft_manip_ros.core.ik import IkSettings, ik_control, ik_mode
+from ft_manip_ros.core.ik_kernels import descend
+from ft_manip_ros.core.ik_settle import settle
+from ft_manip_ros.core.ik_types import (
     CONVERGED,
-    POSE,
-    POSITION,
     IkControl,
     IkWork,
-    descend,
     ik_work,
     splitmix,
     uniform,
@@ -104,9 +103,6 @@ def _search(
             else:
                 state = splitmix(state)
                 q[i] = chain.lower[i] + uniform(state) * (chain.upper[i] - chain.lower[i])
-            # A measured joint may stand a little outside its range.
-            if not chain.wraps[i]:
-                q[i] = min(max(q[i], chain.lower[i]), chain.upper[i])
         attempt += 1
         status, _, pe, oe = descend(chain, frozen, mode, position, rotation, control, q, work)
         cost = pe * pe + (control.weight * oe) ** 2
@@ -116,6 +112,10 @@ def _search(
         if status == CONVERGED and _is_new(q, found, count, chain.wraps):
             found[count] = q
             count += 1
+    if count == 0:
+        _, _, best_position, best_orientation = settle(
+            chain, frozen, mode, position, rotation, control, best, work
+        )
     return count, best_position, best_orientation
 
 
@@ -149,14 +149,14 @@ def find_postures(
     n = near.shape[1]
     rotation = _NO_ROTATION if goal.orientation is None else goal.orientation
     found, best, q = np.empty((settings.postures, n)), near[0].copy(), np.empty(n)
-    control = IkControl(
-        settings.ik_tolerance, settings.ik_orientation_tolerance, 0.5, 60, 0, 0.1, 0.7, 8, 0.5
+    control = ik_control(
+        IkSettings(settings.ik_tolerance, settings.ik_orientation_tolerance, restarts=0)
     )
     near = np.ascontiguousarray(near)
     count, position_error, orientation_error = _search(
         chain,
         frozen,
-        POSITION if goal.orientation is None else AXIS if goal.free_axis else POSE,
+        ik_mode(goal),
         goal.position,
         rotation,
         control,
