@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from ft_manip_ros.core.chain import Array, ChainArrays
 
@@ -72,25 +73,30 @@ def sin_cos(x: float) -> tuple[float, float]:
 
 @njit(cache=True, nogil=True, inline='always')
 def sweep(
-    chain: ChainArrays, q: Array, axes: Array, origins: Array
+    rotations: Array,
+    translations: Array,
+    screws: Array,
+    prismatic: NDArray[np.bool_],
+    q: Array,
+    axes: Array,
+    origins: Array,
 ) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Joint axes and origins as `frames` writes them.
+    """Joint axes and origins as `frames` writes them, from the fields of `ChainArrays`.
 
     Returns the tool's position and, row by row, the rotation of the last joint's moved frame,
     to which the tool's own constant rotation still applies. Inlined, so that a caller who needs
-    the position alone pays for nothing else.
+    the position alone pays for nothing else; and given bare arrays, since every look-up of a
+    tuple's field inside a loop costs two atomic reference counts.
     """
-    base = chain.rotations
-    r00, r01, r02 = base[0, 0, 0], base[0, 0, 1], base[0, 0, 2]
-    r10, r11, r12 = base[0, 1, 0], base[0, 1, 1], base[0, 1, 2]
-    r20, r21, r22 = base[0, 2, 0], base[0, 2, 1], base[0, 2, 2]
-    x, y, z = chain.translations[0, 0], chain.translations[0, 1], chain.translations[0, 2]
-    rows = chain.screws
+    r00, r01, r02 = rotations[0, 0, 0], rotations[0, 0, 1], rotations[0, 0, 2]
+    r10, r11, r12 = rotations[0, 1, 0], rotations[0, 1, 1], rotations[0, 1, 2]
+    r20, r21, r22 = rotations[0, 2, 0], rotations[0, 2, 1], rotations[0, 2, 2]
+    x, y, z = translations[0, 0], translations[0, 1], translations[0, 2]
     for i in range(q.shape[0]):
         axes[i, 0], axes[i, 1], axes[i, 2] = r02, r12, r22
         origins[i, 0], origins[i, 1], origins[i, 2] = x, y, z
-        angle = rows[i, 0]
-        if chain.prismatic[i]:
+        angle = screws[i, 0]
+        if prismatic[i]:
             x += r02 * q[i]
             y += r12 * q[i]
             z += r22 * q[i]
@@ -100,11 +106,11 @@ def sweep(
         r00, r01 = r00 * c + r01 * s, r01 * c - r00 * s
         r10, r11 = r10 * c + r11 * s, r11 * c - r10 * s
         r20, r21 = r20 * c + r21 * s, r21 * c - r20 * s
-        tx, ty, tz = rows[i, 3], rows[i, 4], rows[i, 5]
+        tx, ty, tz = screws[i, 3], screws[i, 4], screws[i, 5]
         x += r00 * tx + r01 * ty + r02 * tz
         y += r10 * tx + r11 * ty + r12 * tz
         z += r20 * tx + r21 * ty + r22 * tz
-        c, s = rows[i, 1], rows[i, 2]
+        c, s = screws[i, 1], screws[i, 2]
         r01, r02 = r01 * c + r02 * s, r02 * c - r01 * s
         r11, r12 = r11 * c + r12 * s, r12 * c - r11 * s
         r21, r22 = r21 * c + r22 * s, r22 * c - r21 * s
@@ -112,16 +118,15 @@ def sweep(
 
 
 @njit(cache=True, nogil=True, inline='always')
-def turn_tool(chain: ChainArrays, turned: tuple[float, ...], rotation: Array) -> None:
+def turn_tool(rotations: Array, turned: tuple[float, ...], rotation: Array) -> None:
     """Write the tool's rotation (3, 3) from what `sweep` returned."""
-    n = chain.prismatic.shape[0]
+    n = rotations.shape[0] - 1
     if n == 0:
         for j in range(9):
             rotation[j // 3, j % 3] = turned[j]
         return
-    p = chain.rotations
     for j in range(3):
-        a, b, c = p[n, 0, j], p[n, 1, j], p[n, 2, j]
+        a, b, c = rotations[n, 0, j], rotations[n, 1, j], rotations[n, 2, j]
         rotation[0, j] = turned[0] * a + turned[1] * b + turned[2] * c
         rotation[1, j] = turned[3] * a + turned[4] * b + turned[5] * c
         rotation[2, j] = turned[6] * a + turned[7] * b + turned[8] * c
@@ -147,9 +152,11 @@ def frames(
     tip : shape (3,), out
         Tool rotation and position (m).
     """
-    place, turned = sweep(chain, q, axes, origins)
+    place, turned = sweep(
+        chain.rotations, chain.translations, chain.screws, chain.prismatic, q, axes, origins
+    )
     tip[0], tip[1], tip[2] = place
-    turn_tool(chain, turned, tip_rotation)
+    turn_tool(chain.rotations, turned, tip_rotation)
 
 
 @njit(cache=True, nogil=True, inline='always')
@@ -184,12 +191,14 @@ def geometric_jacobian(
 def fk_batch(chain: ChainArrays, qs: Array, rotations: Array, positions: Array) -> None:
     """Tool frames of a batch of postures: qs (N, n) -> rotations (N, 3, 3), positions (N, 3)."""
     n = qs.shape[1]
+    placed, moved, screws = chain.rotations, chain.translations, chain.screws
+    prismatic = chain.prismatic
     axes = np.empty((n, 3))
     origins = np.empty((n, 3))
     for k in range(qs.shape[0]):
-        place, turned = sweep(chain, qs[k], axes, origins)
+        place, turned = sweep(placed, moved, screws, prismatic, qs[k], axes, origins)
         positions[k, 0], positions[k, 1], positions[k, 2] = place
-        turn_tool(chain, turned, rotations[k])
+        turn_tool(placed, turned, rotations[k])
 
 
 @njit(cache=True, nogil=True)
@@ -198,10 +207,12 @@ def jacobian_batch(
 ) -> None:
     """Tool frames and Jacobians of a batch: jacobians (N, 6, n), base frame, at the tool."""
     n = qs.shape[1]
+    placed, moved, screws = chain.rotations, chain.translations, chain.screws
+    prismatic = chain.prismatic
     axes = np.empty((n, 3))
     origins = np.empty((n, 3))
     for k in range(qs.shape[0]):
-        place, turned = sweep(chain, qs[k], axes, origins)
+        place, turned = sweep(placed, moved, screws, prismatic, qs[k], axes, origins)
         positions[k, 0], positions[k, 1], positions[k, 2] = place
-        turn_tool(chain, turned, rotations[k])
+        turn_tool(placed, turned, rotations[k])
         geometric_jacobian(chain, axes, origins, positions[k], jacobians[k])
