@@ -1,0 +1,128 @@
+"""Compiled: what only the whole arm can tell: stops, foreign commands, silence, repetition."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from ft_manip_ros.core.detection.layout import Memory
+from ft_manip_ros.core.detection.machine import (
+    LOCK_CONFIRMED,
+    LOCK_FIRST,
+    LOCK_HELD_BACK,
+    LOCKED,
+    RUNAWAY,
+)
+from ft_manip_ros.core.detection.motion import QUIET
+from ft_manip_ros.core.detection.states import Cause
+
+Array = NDArray[np.float64]
+
+_NO_SAMPLES: Final = int(Cause.NO_SAMPLES)
+_STAMPS: Final = int(Cause.STAMPS_NOT_ADVANCING)
+_REPEATS: Final = int(Cause.PAYLOAD_REPEATS)
+_UNCOMMANDED: Final = int(Cause.MOVES_UNCOMMANDED)
+_RECENT: Final = 0.5  # s
+_LATE_SAMPLES: Final = 5
+_LATE_TIME: Final = 0.1  # s
+_FEW_REPEATS: Final = 0.05  # share of messages below which repetition is news
+_ENOUGH_MESSAGES: Final = 200
+_LOG_IMPOSSIBLE: Final = -40.0
+
+
+@numba.njit(cache=True, nogil=True)
+def lock_stage_of(memory: Memory, i: int, stage: int, fresh: bool, repeated: bool) -> int:
+    """Hold a confirmed lock back while the arm as a whole says something else.
+
+    Where no commanded joint moves, the arm is stopped or runs other commands; where the message
+    itself repeats, nothing is known of any joint.
+    """
+    if stage != LOCK_CONFIRMED:
+        return stage
+    if not fresh or repeated:
+        return LOCK_FIRST
+    least = int(memory.settings[0].not_executing_joints)
+    if least == 0:
+        return stage
+    r = memory.joints[i]
+    commanded = 1
+    for j in range(memory.joints.shape[0]):
+        other = memory.joints[j]
+        if j == i or not other.has_sample or r.t - other.t > _RECENT or other.ring_n == 0:
+            continue
+        if other.state == LOCKED or other.state == RUNAWAY:
+            continue
+        if other.runaway_n > 0:
+            return LOCK_HELD_BACK
+        if other.still_since >= r.suspect_since:
+            return stage
+        asked = other.missing > 0.25 * other.threshold
+        if asked or abs(other.command_speed) >= other.moving_speed:
+            commanded += 1
+    return LOCK_HELD_BACK if commanded >= least and commanded > 1 else stage
+
+
+@numba.njit(cache=True, nogil=True)
+def runaway_of(memory: Memory, i: int, cause: int, live: bool) -> int:
+    """Drop motion at rest when several joints show it and commands are not streamed.
+
+    Then somebody else commands the arm, out of this monitor's sight.
+    """
+    if cause != _UNCOMMANDED or live:
+        return cause
+    for j in range(memory.joints.shape[0]):
+        other = memory.joints[j]
+        if j != i and abs(other.q - other.drift_q) > 0.2 * other.drift:
+            return QUIET
+    return cause
+
+
+@numba.njit(cache=True, nogil=True)
+def stale_cause(r: Any, s: Any, arm: Any, repeated: bool, t: float) -> int:
+    """Return the `Cause` why a joint's samples are not fresh, or QUIET."""
+    if repeated:
+        return _REPEATS
+    if r.late_run >= _LATE_SAMPLES and r.late_run * r.period >= _LATE_TIME:
+        return _STAMPS
+    since = r.t if r.has_sample else arm.first
+    if arm.now - since > max(s.stale_s, s.stale_periods * r.period):
+        return _NO_SAMPLES
+    return QUIET
+
+
+@numba.njit(cache=True, nogil=True)
+def watch_payload(
+    memory: Memory, t: float, q: Array, v: Array, e: Array, present: NDArray[np.bool_]
+) -> bool:
+    """True while the whole payload repeats bit for bit on an arm whose payload never does."""
+    arm, raw = memory.arm[0], memory.raw
+    same = True
+    for j in range(q.shape[0]):
+        if not present[j]:
+            continue
+        # NaN, not given, is equal to itself here.
+        same = (
+            same
+            and (q[j] == raw[j, 0])
+            and (v[j] == raw[j, 1] or (np.isnan(v[j]) and np.isnan(raw[j, 1])))
+            and (e[j] == raw[j, 2] or (np.isnan(e[j]) and np.isnan(raw[j, 2])))
+        )
+        raw[j, 0], raw[j, 1], raw[j, 2] = q[j], v[j], e[j]
+    if not same:
+        if arm.repeat_run > 0:
+            arm.repeats += arm.repeat_run
+            arm.longest_repeat = max(arm.longest_repeat, t - arm.repeat_since)
+        arm.repeat_run = 0
+        arm.repeat_since = t
+        return False
+    arm.repeat_run += 1
+    healthy = arm.messages - arm.repeat_run
+    if healthy < _ENOUGH_MESSAGES:
+        return False
+    chance = (arm.repeats + 1.0) / (healthy + 1.0)
+    unlikely = arm.repeat_run * np.log(chance) < _LOG_IMPOSSIBLE
+    lasting = t - arm.repeat_since >= max(memory.settings[0].dead_s, 5.0 * arm.longest_repeat)
+    return chance < _FEW_REPEATS and unlikely and lasting

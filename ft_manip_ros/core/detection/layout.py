@@ -1,0 +1,250 @@
+"""Memory of the fault monitor, laid out for the compiled kernels."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ft_manip_ros.core.chain import Joint
+from ft_manip_ros.core.detection.settings import MonitorSettings
+from ft_manip_ros.core.detection.states import JointState
+
+RING = 512  # command samples kept for each joint
+NO_TIME = -1.0e18  # s, before anything
+# Tracking lags (s) that are compared with one another; the prior is beyond the usual ones.
+LAGS = np.array([0.0, 0.008, 0.016, 0.025, 0.035, 0.05, 0.07, 0.095, 0.125, 0.16, 0.2, 0.25, 0.32])
+
+_MOVING_SPEED = {'revolute': 0.005, 'prismatic': 0.001}  # rad/s, m/s: slower is creep
+
+_FLAGS = (
+    'prismatic',
+    'exempt',
+    'wraps',
+    'has_sample',
+    'has_moved',
+    'manual',
+    'proving',
+    'lag_known',
+    'command_moves',
+    'high_effort',
+    'dead',
+)
+_COUNTS = (
+    'state',
+    'cause',
+    'turns',
+    # samples in a row or in all
+    'period_n',
+    'bad_run',
+    'bad_cause',
+    'good_run',
+    'late_run',
+    'repeat_run',
+    'changes',
+    'reversals',
+    'comparisons',
+    'rebase_n',
+    'noise_n',
+    'rough_n',
+    'effort_n',
+    'still_n',
+    'contradictions',
+    'runaway_n',
+    'slip_n',
+    'jerks',
+    'suspects',
+    'ring_head',
+    'ring_n',
+)
+_NUMBERS = (
+    # known of the joint beforehand (rad or m, /s)
+    'lower',
+    'upper',
+    'velocity_limit',
+    'slack',
+    'slack_least',
+    'still_least',
+    'runaway_distance',
+    'drift',
+    'prove_distance',
+    'moving_speed',
+    # the latest believed samples; _1 and _2 are the last two
+    't',
+    'q',
+    'v',
+    'effort',
+    'period',
+    'q_1',
+    'q_2',
+    't_1',
+    't_2',
+    'raw_1',
+    'raw_step',
+    # unbelievable samples
+    'bad_since',
+    'good_since',
+    'rebase_q',
+    'rebase_t',
+    'rebase_since',
+    'repeat_since',
+    'longest_repeat',
+    # the command
+    'command',
+    'command_speed',
+    'command_mean',
+    'command_rest_since',
+    'command_rest_value',
+    # noise
+    'noise_var',
+    'rough_var',
+    'quantum',
+    # the stillness window
+    'still_since',
+    'still_q',
+    'still_sum',
+    'still_time',
+    'late_mean',
+    'c_lo',
+    'c_hi',
+    'missing',
+    'lag_used',
+    'lag_low_used',
+    'threshold',
+    'band',
+    'suspect_since',
+    # tracking
+    'lag',
+    'lag_low',
+    'lag_high',
+    'lag_first',
+    'offset',
+    'envelope',
+    'moved_s',
+    'stick',
+    'last_jerk',
+    'effort_envelope',
+    # motion without or against the command, proof of health
+    'drift_q',
+    'drift_t',
+    'runaway_since',
+    'prove_q',
+    'prove_c',
+    # verdict
+    'first_evidence',
+    'confirmed',
+    'frozen_q',
+    'frozen_sigma',
+    'slip_since',
+)
+_UNKNOWN = (
+    'q',
+    'v',
+    'effort',
+    'raw_1',
+    'command',
+    'command_rest_value',
+    'prove_q',
+    'prove_c',
+    'drift_q',
+    'frozen_q',
+    'frozen_sigma',
+)
+JOINT = np.dtype(
+    [(name, np.bool_) for name in _FLAGS]
+    + [(name, np.int64) for name in _COUNTS]
+    + [(name, np.float64) for name in _NUMBERS],
+    align=True,
+)
+ARM = np.dtype(
+    [
+        ('messages', np.int64),
+        ('resets', np.int64),  # new time lines so far
+        ('back_n', np.int64),  # messages of a time line that may be beginning
+        ('repeat_run', np.int64),  # messages in a row that repeat the one before bit for bit
+        ('repeats', np.int64),  # such messages in healthy runs
+        ('now', np.float64),  # s, latest stamp
+        ('first', np.float64),  # s, first stamp of this time line
+        ('back_since', np.float64),
+        ('back_last', np.float64),
+        ('repeat_since', np.float64),
+        ('longest_repeat', np.float64),
+        ('lag_high', np.float64),  # the largest learned by any joint
+    ],
+    align=True,
+)
+SETTINGS = np.dtype([(name, np.float64) for name in MonitorSettings.__dataclass_fields__])
+
+
+class Memory(NamedTuple):
+    """Everything the monitor remembers, as arrays; one record for each of the n joints."""
+
+    joints: NDArray[np.void]  # (n,) of JOINT
+    arm: NDArray[np.void]  # (1,) of ARM
+    settings: NDArray[np.void]  # (1,) of SETTINGS
+    ring_t: NDArray[np.float64]  # (n, RING), s, when the command was recorded
+    ring_c: NDArray[np.float64]  # (n, RING), rad or m
+    lag_mean: NDArray[np.float64]  # (n, LAGS), mean of q - c(t - lag) in motion
+    lag_var: NDArray[np.float64]  # (n, LAGS + 1), its variance; last: that of c itself
+    lags: NDArray[np.float64]  # (LAGS,), s
+    raw: NDArray[np.float64]  # (n, 3), position, velocity and effort as last reported
+
+
+def allocate(
+    joints: Sequence[Joint], settings: MonitorSettings, limited: Sequence[bool], exempt: set[str]
+) -> Memory:
+    """Memory of a monitor that has seen nothing yet.
+
+    Parameters
+    ----------
+    joints
+        The n joints.
+    settings
+        Thresholds and windows.
+    limited
+        For each joint, whether its limits and speed are known rather than defaults.
+    exempt
+        Names of joints that are never LOCKED (grippers).
+    """
+    n = len(joints)
+    records = np.zeros(n, dtype=JOINT)
+    for record, joint, known in zip(records, joints, limited, strict=True):
+        kind = 'prismatic' if joint.prismatic else 'revolute'
+        record['prismatic'] = joint.prismatic
+        record['exempt'] = joint.name in exempt
+        record['wraps'] = not joint.prismatic and (joint.wraps or not known)
+        bounded = known and not joint.wraps
+        record['lower'] = joint.lower if bounded else -np.inf
+        record['upper'] = joint.upper if bounded else np.inf
+        default = getattr(settings, f'default_velocity_{kind}')
+        record['velocity_limit'] = joint.velocity if known else default
+        record['slack'] = getattr(settings, f'slack_{kind}')
+        record['slack_least'] = getattr(settings, f'slack_least_{kind}')
+        record['still_least'] = getattr(settings, f'still_{kind}')
+        record['runaway_distance'] = getattr(settings, f'runaway_{kind}')
+        record['drift'] = getattr(settings, f'drift_{kind}')
+        record['moving_speed'] = _MOVING_SPEED[kind]
+        record['prove_distance'] = getattr(settings, f'prove_{kind}')
+    records['state'] = JointState.IDLE
+    for name in _UNKNOWN:
+        records[name] = np.nan
+    for name in ('t', 't_1', 't_2', 'last_jerk', 'command_rest_since'):
+        records[name] = NO_TIME
+    records['lag_high'] = settings.lag_prior_s
+    arm = np.zeros(1, dtype=ARM)
+    arm['now'] = NO_TIME
+    numbers = np.array([tuple(asdict(settings).values())], dtype=SETTINGS)
+    return Memory(
+        records,
+        arm,
+        numbers,
+        np.zeros((n, RING)),
+        np.zeros((n, RING)),
+        np.zeros((n, len(LAGS))),
+        np.zeros((n, len(LAGS) + 1)),
+        LAGS.copy(),
+        np.full((n, 3), np.nan),
+    )

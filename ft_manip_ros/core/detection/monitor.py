@@ -1,0 +1,321 @@
+"""The fault monitor: joint samples and commanded motion in, changes of state out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ft_manip_ros.core.chain import Joint
+from ft_manip_ros.core.detection.commands import CommandBook, point_table
+from ft_manip_ros.core.detection.kernel import advance, forget_windows
+from ft_manip_ros.core.detection.layout import allocate
+from ft_manip_ros.core.detection.machine import freeze
+from ft_manip_ros.core.detection.settings import MonitorSettings
+from ft_manip_ros.core.detection.states import CAUSE_TEXT, Cause, Edge, JointState, Report
+from ft_manip_ros.core.errors import InputError
+
+Array = NDArray[np.float64]
+_ORIGIN = 1.0  # s, internal time of the first stamp: zero means "never"
+
+
+class FaultMonitor:
+    """Watches every joint of an arm; see `MonitorSettings` for its thresholds.
+
+    Stamps are integers (ns) of one clock. Nothing here reads a clock.
+
+    Parameters
+    ----------
+    joints
+        The joints to watch; limits and speeds of `Joint` are believed. A bare name stands for a
+        revolute joint of which nothing is known.
+    settings
+        Thresholds and windows.
+    exempt
+        Joints that are never LOCKED, for example a gripper that closes on objects.
+    """
+
+    def __init__(
+        self,
+        joints: Sequence[Joint | str],
+        settings: MonitorSettings | None = None,
+        *,
+        exempt: Iterable[str] = (),
+    ) -> None:
+        if not joints:
+            raise InputError('joints', 'is empty; at least one joint is needed')
+        known = [joint if isinstance(joint, Joint) else Joint(joint) for joint in joints]
+        self.names = tuple(joint.name for joint in known)
+        self._place = {name: j for j, name in enumerate(self.names)}
+        if len(self._place) != len(self.names):
+            raise InputError('joints', f'{self.names} name a joint twice')
+        self.settings = settings or MonitorSettings()
+        exempt = set(exempt)
+        for name in exempt:
+            self._index(name, 'exempt')
+        limited = [isinstance(joint, Joint) for joint in joints]
+        self._memory = allocate(known, self.settings, limited, exempt)
+        self._records = self._memory.joints
+        self._book = CommandBook(len(known))
+        n = len(known)
+        self._row = np.full((3, 1, n), np.nan)
+        self._present = np.zeros((1, n), dtype=np.bool_)
+        self._stamp = np.zeros(1)
+        self._edges = np.zeros((n, 2), dtype=np.int64)
+        self._notes: list[str] = [''] * n
+        self._epoch: int | None = None
+        self._live_until = -math.inf
+        self._resets = 0
+
+    # Commanded motion
+
+    def command(self, stamp: int, positions: Mapping[str, float]) -> None:
+        """Take set points that hold from ``stamp`` (ns) on; unknown joints are ignored.
+
+        Raises
+        ------
+        InputError
+            For a position that is not finite; the whole message is then ignored.
+        """
+        mine = {self._place[k]: float(v) for k, v in positions.items() if k in self._place}
+        for j, value in mine.items():
+            if not math.isfinite(value):
+                raise InputError(f'reference of {self.names[j]!r}', f'is {value}; must be finite')
+        t = self._time(stamp)
+        self._live_until = t + 0.5
+        if mine:
+            self._book.reference(t, np.array(list(mine)), np.array(list(mine.values())))
+
+    def trajectory(
+        self,
+        stamp: int,
+        names: Sequence[str],
+        points: Sequence[tuple[float, Sequence[float], Sequence[float], Sequence[float]]],
+    ) -> None:
+        """Take a trajectory that starts at ``stamp`` (ns); without points: hold.
+
+        Parameters
+        ----------
+        names
+            Joints of the columns; those that are not watched are skipped.
+        points
+            Time from start (s), positions, velocities, accelerations; the latter two may be
+            empty.
+
+        Raises
+        ------
+        InputError
+            For wrong lengths, values that are not finite, or times that do not grow.
+        """
+        if len(set(names)) != len(names):
+            raise InputError('trajectory.joint_names', f'{list(names)} name a joint twice')
+        times, positions, velocities, accelerations = point_table('trajectory', points, len(names))
+        columns = [k for k, name in enumerate(names) if name in self._place]
+        joints = np.array([self._place[names[k]] for k in columns], dtype=np.int64)
+        if not names and not points:
+            joints, columns = np.arange(len(self.names)), []
+        if not len(joints):
+            raise InputError(
+                'trajectory.joint_names',
+                f'{list(names)} has no watched joint; those are {", ".join(self.names)}',
+            )
+        tables = (table[:, columns] for table in (positions, velocities, accelerations))
+        self._book.trajectory(self._time(stamp), joints, times, *tables, self._records['q'])
+
+    # Samples
+
+    def sample(
+        self,
+        stamp: int,
+        positions: Mapping[str, float],
+        velocities: Mapping[str, float] | None = None,
+        efforts: Mapping[str, float] | None = None,
+    ) -> list[Edge]:
+        """Take one joint-state message; return the changes of state that it caused.
+
+        Unknown joints are ignored; NaN and other nonsense is judged, not refused.
+        """
+        self._present[:] = False
+        self._row[:] = np.nan
+        for row, values in enumerate((positions, velocities, efforts)):
+            for name, value in (values or {}).items():
+                j = self._place.get(name)
+                if j is not None:
+                    self._row[row, 0, j] = value
+                    if row == 0:
+                        self._present[0, j] = True
+        self._stamp[0] = self._time(stamp)
+        command = self._book.at(self._stamp[0])[None, :]
+        return self._advance(self._stamp, self._row, self._present, command, [stamp])
+
+    def block(
+        self,
+        stamps: Sequence[int],
+        positions: Array,
+        velocities: Array,
+        efforts: Array,
+        present: NDArray[np.bool_],
+        commands: Array,
+    ) -> list[Edge]:
+        """Take K messages at once, columns in the order of `names`; as `sample` one by one.
+
+        Parameters
+        ----------
+        positions, velocities, efforts, commands : ndarray, shape (K, n)
+            NaN where not given; commands are streamed references.
+        present : ndarray of bool, shape (K, n)
+        """
+        times = np.array([self._time(stamp) for stamp in stamps])
+        self._live_until = math.inf
+        return self._advance(
+            times, np.stack((positions, velocities, efforts)), present, commands, stamps
+        )
+
+    def _advance(
+        self,
+        times: Array,
+        values: Array,
+        present: NDArray[np.bool_],
+        commands: Array,
+        stamps: Sequence[int],
+    ) -> list[Edge]:
+        live = bool(times[0] < self._live_until)
+        out = []
+        done = 0
+        while done < len(times):
+            q, v, e = values[:, done:]
+            rows, count = advance(
+                self._memory,
+                times[done:],
+                q,
+                v,
+                e,
+                present[done:],
+                commands[done:],
+                live,
+                self._edges,
+            )
+            done += rows
+            for j, before in self._edges[:count]:
+                self._notes[j] = ''
+                out.append(Edge(stamps[done - 1], JointState(int(before)), self._report(j)))
+        if self._memory.arm['resets'][0] != self._resets:
+            self._resets = int(self._memory.arm['resets'][0])
+            self._book.clear()
+        return out
+
+    # Verdicts
+
+    def states(self) -> tuple[Report, ...]:
+        """What is known of every joint now."""
+        return tuple(self._report(j) for j in range(len(self.names)))
+
+    def frozen(self) -> dict[str, float]:
+        """Positions (rad or m) of all joints that are LOCKED."""
+        locked = np.flatnonzero(self._records['state'] == JointState.LOCKED)
+        return {self.names[j]: float(self._records['frozen_q'][j]) for j in locked}
+
+    def freeze(self, name: str, position: float | None, reason: str, stamp: int) -> Edge:
+        """Declare a joint frozen by hand, at ``position`` or (None) where it was last believed.
+
+        Raises
+        ------
+        InputError
+            For an unknown joint, a position that is not finite, or a joint never seen.
+        """
+        j = self._index(name, 'joint')
+        r = self._records[j]
+        if position is not None and not math.isfinite(position):
+            raise InputError('position', f'is {position}; a finite number is needed')
+        if position is None and math.isnan(r['q']):
+            raise InputError('position', f'of {name!r} was never measured; give one')
+        before = JointState(int(r['state']))
+        freeze(self._memory.joints[j], self._time(stamp), int(Cause.MANUAL))
+        r['manual'] = True
+        if position is not None:
+            r['frozen_q'] = position
+        self._notes[j] = reason
+        return Edge(stamp, before, self._report(j))
+
+    def clear(self, name: str, stamp: int, reason: str = '') -> list[Edge]:
+        """Clear a joint's fault, or with an empty name all; each must then prove itself.
+
+        Raises
+        ------
+        InputError
+            For an unknown joint.
+        """
+        chosen = range(len(self.names)) if not name else [self._index(name, 'joint')]
+        edges = []
+        for j in chosen:
+            r = self._records[j]
+            before = JointState(int(r['state']))
+            if before not in (JointState.LOCKED, JointState.RUNAWAY):
+                continue
+            forget_windows(self._memory.joints[j])
+            r['state'], r['cause'] = JointState.PROVING, Cause.CLEARED
+            r['proving'], r['manual'] = True, False
+            for field in ('frozen_q', 'frozen_sigma'):
+                r[field] = math.nan
+            for field in ('first_evidence', 'confirmed'):
+                r[field] = 0.0
+            self._notes[j] = reason
+            edges.append(Edge(stamp, before, self._report(j)))
+        return edges
+
+    def restore(self, name: str, position: float, sigma: float, manual: bool, reason: str) -> None:
+        """Take over a lock that was found before a restart."""
+        j = self._index(name, 'joint')
+        if not (math.isfinite(position) and math.isfinite(sigma) and sigma >= 0.0):
+            raise InputError(f'frozen position of {name!r}', f'is {position} ± {sigma}')
+        r = self._records[j]
+        r['state'], r['cause'], r['manual'] = JointState.LOCKED, Cause.RESTORED, manual
+        r['frozen_q'], r['frozen_sigma'] = position, sigma
+        self._notes[j] = reason
+
+    def forget_time(self) -> None:
+        """Start a new time line (the clock jumped); faults and what was learned stay."""
+        for j in range(len(self.names)):
+            forget_windows(self._memory.joints[j])
+        self._memory.arm['now'] = -math.inf
+        self._book.clear()
+
+    def _report(self, j: int) -> Report:
+        r = self._records[j]
+        cause = CAUSE_TEXT[Cause(int(r['cause']))]
+        note = self._notes[j]
+        turn = 2.0 * math.pi * int(r['turns'])
+        noise = r['noise_var'] if r['noise_n'] >= 30 else r['rough_var']
+        known = r['noise_n'] >= 30 or r['rough_n'] >= 30
+        return Report(
+            name=self.names[j],
+            state=JointState(int(r['state'])),
+            cause=f'{cause}: {note}' if note else cause,
+            manual=bool(r['manual']),
+            frozen_position=float(r['frozen_q']),
+            frozen_position_sigma=float(r['frozen_sigma']),
+            first_evidence=self._stamp_of(r['first_evidence']),
+            confirmed=self._stamp_of(r['confirmed']),
+            position=float(r['q']) - turn,
+            commanded_position=float(r['command']),
+            residual=float(r['missing']),
+            threshold=float(r['threshold']),
+            noise=math.sqrt(noise) if known else math.nan,
+        )
+
+    def _index(self, name: str, field_name: str) -> int:
+        if name not in self._place:
+            raise InputError(
+                field_name, f'{name!r} is not watched; joints are {", ".join(self.names)}'
+            )
+        return self._place[name]
+
+    def _time(self, stamp: int) -> float:
+        if self._epoch is None:
+            self._epoch = stamp
+        return (stamp - self._epoch) * 1e-9 + _ORIGIN
+
+    def _stamp_of(self, t: float) -> int:
+        return 0 if t <= 0.0 or self._epoch is None else self._epoch + round((t - _ORIGIN) * 1e9)

@@ -1,0 +1,182 @@
+"""Compiled: command history, and on-line learning of each joint's noise and tracking."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from ft_manip_ros.core.detection.layout import RING
+
+Array = NDArray[np.float64]
+
+_SMALLEST_STEP = 1e-9  # rad or m: smaller differences are rounding, not encoder steps
+_NOISE_MEMORY = 500.0  # samples
+_LAG_MEMORY = 5.0  # s of motion
+_LAG_LEAST = 0.5  # s of motion before a lag is believed
+_TRUST_AFTER = 10.0  # s of motion until a joint's own tracking replaces the prior slack
+_ENVELOPE_MEMORY = 120.0  # s of motion
+_STICK_FACTOR = 1.5
+
+
+@numba.njit(cache=True, nogil=True)
+def remember_command(r: Any, ring_t: Array, ring_c: Array, t: float, c: float) -> None:
+    """Append the command ``c`` at time ``t`` to a joint's history; NaN ends it."""
+    if np.isnan(c):
+        r.ring_n = 0
+        r.command = c
+        r.command_speed = 0.0
+        return
+    span = 0.4 / RING  # a history longer than every lag, whatever the sample rate
+    if r.ring_n > 0:
+        newest = (r.ring_head - 1) % RING
+        dt = t - ring_t[newest]
+        if dt > 1.0:
+            # A gap: nothing is known of the command in between.
+            r.ring_n = 0
+        elif dt < span:
+            r.command = c
+            return
+    if not np.isnan(r.command) and r.ring_n > 0:
+        newest = (r.ring_head - 1) % RING
+        r.command_speed = (c - ring_c[newest]) / (t - ring_t[newest])
+    else:
+        r.command_speed = 0.0
+    ring_t[r.ring_head] = t
+    ring_c[r.ring_head] = c
+    r.ring_head = (r.ring_head + 1) % RING
+    r.ring_n = min(r.ring_n + 1, RING)
+    r.command = c
+    if np.isnan(r.command_rest_value) or abs(c - r.command_rest_value) > 0.1 * r.still_least:
+        r.command_moves = r.ring_n > 1
+        r.command_rest_value = c
+        r.command_rest_since = t
+
+
+@numba.njit(cache=True, nogil=True)
+def command_at(r: Any, ring_t: Array, ring_c: Array, t: float) -> float:
+    """Command at time ``t`` by linear interpolation; NaN before the history begins."""
+    if r.ring_n == 0:
+        return np.nan
+    k = (r.ring_head - 1) % RING
+    if t >= ring_t[k]:
+        return ring_c[k]
+    # Samples are nearly uniform: guess, then walk.
+    back = 0
+    if r.period > 0.0:
+        back = min(max(int((ring_t[k] - t) / max(r.period, 0.4 / RING)) - 1, 0), r.ring_n - 1)
+        while back > 0 and ring_t[(r.ring_head - 1 - back) % RING] < t:
+            back -= 1
+    while back < r.ring_n:
+        k = (r.ring_head - 1 - back) % RING
+        if ring_t[k] <= t:
+            after = (k + 1) % RING
+            part = (t - ring_t[k]) / (ring_t[after] - ring_t[k])
+            return ring_c[k] + part * (ring_c[after] - ring_c[k])
+        back += 1
+    return np.nan
+
+
+@numba.njit(cache=True, nogil=True)
+def noise_of(r: Any) -> float:
+    """Learned standard deviation of the position noise; 0 before any is learned."""
+    if r.noise_n >= 30:
+        return np.sqrt(r.noise_var)
+    if r.rough_n >= 30:
+        return np.sqrt(r.rough_var)
+    return 0.0
+
+
+@numba.njit(cache=True, nogil=True)
+def learn_noise(r: Any, t: float, q: float) -> None:
+    """Learn quantum and noise from differences of consecutive healthy samples.
+
+    At rest first differences show the noise; in motion second ones do, once the sample rate is
+    high enough for the acceleration not to matter. Those at rest are preferred.
+    """
+    d = q - r.q_1
+    size = abs(d)
+    if size > _SMALLEST_STEP:
+        r.quantum = min(size, 1.0005 * r.quantum) if r.quantum > 0.0 else size
+    resting = r.ring_n > 0 and t - r.command_rest_since > 0.3 + r.lag_high
+    if resting:
+        square = 0.5 * d * d
+        if r.noise_n > 30:
+            square = min(square, 25.0 * r.noise_var + r.quantum * r.quantum)
+        r.noise_n += 1
+        r.noise_var += (square - r.noise_var) / min(float(r.noise_n), _NOISE_MEMORY)
+    dt, dt_1 = t - r.t_1, r.t_1 - r.t_2
+    if abs(dt - dt_1) < 0.2 * dt:
+        bend = d - (r.q_1 - r.q_2)
+        square = bend * bend / 6.0
+        if r.rough_n > 30:
+            square = min(square, 25.0 * r.rough_var + r.quantum * r.quantum)
+        r.rough_n += 1
+        r.rough_var += (square - r.rough_var) / min(float(r.rough_n), _NOISE_MEMORY)
+
+
+@numba.njit(cache=True, nogil=True)
+def learn_tracking(
+    r: Any, ring_t: Array, ring_c: Array, mean: Array, var: Array, lags: Array, t: float, q: float
+) -> None:
+    """Learn lag, offset and residual envelope of one joint while its command moves.
+
+    Every candidate lag keeps mean and variance of ``q - c(t - lag)``; the least variance wins,
+    refined by a parabola.
+    """
+    if r.ring_n < 3 or abs(r.command_speed) < r.moving_speed:
+        return
+    dt = min(t - r.t_1, 0.2)
+    r.moved_s += dt
+    weight = dt / min(r.moved_s, _LAG_MEMORY)
+    count = lags.shape[0]
+    best = 0
+    for i in range(count):
+        c = command_at(r, ring_t, ring_c, t - lags[i])
+        if np.isnan(c):
+            return
+        e = q - c
+        step = e - mean[i]
+        mean[i] += weight * step
+        var[i] = (1.0 - weight) * (var[i] + weight * step * step)
+        if var[i] < var[best]:
+            best = i
+    step = r.command - r.command_mean
+    r.command_mean += weight * step
+    var[count] = (1.0 - weight) * (var[count] + weight * step * step)
+    if r.moved_s < _LAG_LEAST or var[best] > 0.2 * var[count]:
+        return
+    lag = lags[best]
+    if 0 < best < count - 1:
+        x0, x1, x2 = lags[best - 1], lags[best], lags[best + 1]
+        s0 = (var[best] - var[best - 1]) / (x1 - x0)
+        s1 = (var[best + 1] - var[best]) / (x2 - x1)
+        bend = (s1 - s0) / (x2 - x0)
+        if bend > 0.0:
+            lag = 0.5 * (x0 + x1) - 0.5 * s0 / bend
+            lag = min(max(lag, x0), x2)
+    margin = max(max(1.5 * r.period, 0.006), 0.25 * lag)
+    r.lag = lag
+    r.lag_low = max(0.0, lag - margin)
+    r.lag_high = lag + margin
+    r.offset = mean[best]
+    c = command_at(r, ring_t, ring_c, t - lag)
+    away = max(abs(q - c - r.offset) - 3.0 * noise_of(r), 0.0)
+    r.envelope = max(away, r.envelope * (1.0 - dt / _ENVELOPE_MEMORY))
+    if not r.lag_known:
+        r.lag_known = True
+        r.lag_first = lag
+    elif r.moved_s < _TRUST_AFTER:
+        r.lag_first = max(r.lag_first, lag)
+
+
+@numba.njit(cache=True, nogil=True)
+def slack_of(r: Any, unproved_factor: float) -> float:
+    """Commanded motion that this joint may swallow while healthy (rad or m)."""
+    stick = _STICK_FACTOR * r.stick
+    if not r.lag_known:
+        return max(r.slack * unproved_factor, stick)
+    prior = r.slack * max(0.0, 1.0 - r.moved_s / _TRUST_AFTER)
+    return max(min(max(max(r.slack_least, 2.0 * r.envelope), prior), r.slack), stick)
