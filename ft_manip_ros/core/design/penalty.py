@@ -1,0 +1,168 @@
+"""The penalty of a posture, ``||r||^2`` plus equation 8, with its gradient and Hessian."""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit
+
+from ft_manip_ros.core.chain import Array
+from ft_manip_ros.core.design.dh_kernels import (
+    POSITION,
+    DhRows,
+    Goals,
+    IntArray,
+    Limits,
+    Work,
+    frames,
+    jacobian_columns,
+    tool_error,
+)
+
+
+@njit(cache=True, nogil=True)
+def penalty(
+    rows: DhRows, goals: Goals, goal: int, limits: Limits, free: IntArray, q: Array, work: Work
+) -> float:
+    """Penalty of posture ``q``: squared tool error plus squared limit violations.
+
+    Parameters
+    ----------
+    free : shape (f,)
+        Joints that may move; the others are frozen and their limits are not charged, since a
+        joint freezes inside its operating limits.
+    q : shape (n,)
+        rad.
+
+    Returns
+    -------
+    float
+        m^2 + rad^2. ``work`` keeps the frames, the error and the violations.
+    """
+    frames(rows, q, work)
+    total = tool_error(goals, goal, work)
+    for k in range(free.shape[0]):
+        j = free[k]
+        over = 0.0
+        if limits.limited[j]:
+            if q[j] > limits.upper[j]:
+                over = q[j] - limits.upper[j]
+            elif q[j] < limits.lower[j]:
+                over = q[j] - limits.lower[j]
+        work.violation[j] = over
+        total += over * over
+    return total
+
+
+@njit(cache=True, nogil=True)
+def derivatives(goals: Goals, goal: int, free: IntArray, second_order: bool, work: Work) -> float:
+    """Gradient and Hessian of half the penalty at the posture last given to `penalty`.
+
+    With ``second_order`` the position part of the Hessian is exact (for revolute joints
+    d2p/dq_i dq_k = z_i x (z_k x (p - o_k)), i <= k); otherwise it is the Gauss-Newton matrix.
+
+    Returns
+    -------
+    float
+        Norm of the gradient; both go to ``work.gradient`` and ``work.hessian``, leading f rows.
+    """
+    mode = goals.modes[goal]
+    jacobian_columns(mode, work)
+    m = 3 if mode == POSITION else 6
+    e, c, z = work.error, work.column, work.z
+    norm = 0.0
+    for row in range(free.shape[0]):
+        i = free[row]
+        slope = work.violation[i]
+        for k in range(m):
+            slope += c[k, i] * e[k]
+        work.gradient[row] = slope
+        norm += slope * slope
+        for col in range(row, free.shape[0]):
+            j = free[col]
+            value = 0.0
+            for k in range(m):
+                value += c[k, i] * c[k, j]
+            if second_order:
+                value += (
+                    e[0] * (z[i, 1] * c[2, j] - z[i, 2] * c[1, j])
+                    + e[1] * (z[i, 2] * c[0, j] - z[i, 0] * c[2, j])
+                    + e[2] * (z[i, 0] * c[1, j] - z[i, 1] * c[0, j])
+                )
+            work.hessian[row, col] = value
+            work.hessian[col, row] = value
+        if work.violation[i] != 0.0:
+            work.hessian[row, row] += 1.0
+    return math.sqrt(norm)
+
+
+@njit(cache=True, nogil=True)
+def solve_shifted(size: int, matrix: Array, shift: float, rhs: Array, work: Work) -> bool:
+    """Solve ``(matrix + shift I) step = -rhs`` by Cholesky into ``work.step``.
+
+    Returns
+    -------
+    bool
+        False where the shifted matrix is not positive definite.
+    """
+    low = work.factor
+    for i in range(size):
+        for j in range(i + 1):
+            total = matrix[i, j]
+            if i == j:
+                total += shift
+            for k in range(j):
+                total -= low[i, k] * low[j, k]
+            if i == j:
+                if total <= 1e-14 * (abs(matrix[i, i]) + shift) or total <= 0.0:
+                    return False
+                low[i, i] = math.sqrt(total)
+            else:
+                low[i, j] = total / low[j, j]
+    step = work.step
+    for i in range(size):
+        total = -rhs[i]
+        for k in range(i):
+            total -= low[i, k] * step[k]
+        step[i] = total / low[i, i]
+    for i in range(size - 1, -1, -1):
+        total = step[i]
+        for k in range(i + 1, size):
+            total -= low[k, i] * step[k]
+        step[i] = total / low[i, i]
+    return True
+
+
+@njit(cache=True, nogil=True)
+def isotropy(goals: Goals, goal: int, free: IntArray, work: Work) -> float:
+    """Equation 9 (with its m-th root) of the free joints' Jacobian at the posture in ``work``.
+
+    Position goals use m = 3, the others m = 6; fewer free joints than m give zero.
+    """
+    mode = goals.modes[goal]
+    jacobian_columns(mode, work)
+    m = 3 if mode == POSITION else 6
+    trace = 0.0
+    low = work.memory
+    if low.shape[1] < m or free.shape[0] < m:
+        return 0.0
+    det = 1.0
+    for i in range(m):
+        for j in range(i + 1):
+            total = 0.0
+            for k in range(free.shape[0]):
+                total += work.column[i, free[k]] * work.column[j, free[k]]
+            if i == j:
+                trace += total
+            for k in range(j):
+                total -= low[i, k] * low[j, k]
+            if i == j:
+                if total <= 0.0:
+                    return 0.0
+                det *= total
+                low[i, i] = math.sqrt(total)
+            else:
+                low[i, j] = total / low[j, j]
+    if trace <= 0.0:
+        return 0.0
+    return det ** (1.0 / m) / (trace / m)
