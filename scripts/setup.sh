@@ -42,7 +42,7 @@ choose_mode() {
 # True where $1 runs and is a Python we support (and sees ROS, where ROS is sourced).
 usable_python() {
     local code='import sys; sys.exit(not (3, 10) <= sys.version_info[:2] <= (3, 13))'
-    [ "$mode" = wheels ] || code+=$'\nimport rclpy'
+    [ "$mode" = wheels ] || code="import rclpy; $code"
     "$1" -c "$code" >/dev/null 2>&1
 }
 
