@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ft_manip_ros.core.chain import Array, SerialChain
 from ft_manip_ros.core.errors import InputError
 from ft_manip_ros.core.goal import Goal
-from ft_manip_ros.core.ik_kernels import solve, solve_rows
+from ft_manip_ros.core.ik_kernels import solve_rows
 from ft_manip_ros.core.ik_types import (
     AXIS,
     CONVERGED,
@@ -20,7 +20,6 @@ from ft_manip_ros.core.ik_types import (
     POSE,
     POSITION,
     IkControl,
-    ik_work,
 )
 
 _NO_ROTATION = np.eye(3)
@@ -149,28 +148,33 @@ def solve_ik(
         For a start of the wrong length or with NaN.
     """
     settings = settings or IkSettings()
-    q = (0.5 * (chain.lower + chain.upper)) if start is None else chain.check_vector(start).copy()
+    q = (0.5 * (chain.lower + chain.upper)) if start is None else chain.check_vector(start)
     rotation = _NO_ROTATION if goal.orientation is None else goal.orientation
-    status, iterations, restarts, distance, angle = solve(
+    qs = q[None, :].copy()
+    counts, errors = np.empty((1, 3), dtype=np.int64), np.empty((1, 2))
+    solve_rows(
         chain.arrays,
-        np.zeros(chain.n, dtype=np.bool_),
-        ik_mode(goal),
-        goal.position,
-        rotation,
+        np.zeros((1, chain.n), dtype=np.bool_),
+        np.array([ik_mode(goal)]),
+        goal.position[None, :],
+        rotation[None, :, :],
         ik_control(settings),
-        settings.seed,
-        q,
-        ik_work(chain.n),
+        np.array([settings.seed], dtype=np.uint64),
+        qs,
+        counts,
+        errors,
     )
+    status, iterations, restarts = (int(count) for count in counts[0])
+    distance, angle = (float(error) for error in errors[0])
     return IkResult(
-        q,
+        qs[0],
         float(np.hypot(distance, settings.orientation_weight * angle)),
-        float(distance),
-        float(angle),
+        distance,
+        angle,
         status == CONVERGED,
         _reason(status, iterations, restarts, distance, angle),
-        int(iterations),
-        int(restarts),
+        iterations,
+        restarts,
     )
 
 

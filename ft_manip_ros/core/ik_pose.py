@@ -28,7 +28,7 @@ RATIO = 0.25
 
 @njit(cache=True, nogil=True)
 def rotation_error(actual: Array, target: Array, mode: int, out: Array) -> float:
-    """Write the rotation vector (rad) from the actual tool frame to the target; return its angle.
+    """Write the rotation vector from actual to target frame to ``out[3:6]``; return its angle.
 
     Mode `POSE`: in the base frame. Mode `AXIS`: the smallest rotation that brings z onto the
     target's z, in the tool frame, where its third component is zero: turning about the tool
@@ -61,12 +61,12 @@ def rotation_error(actual: Array, target: Array, mode: int, out: Array) -> float
     angle = math.atan2(sine, cosine)
     if sine > 1e-9:
         factor = angle / sine
-        out[0], out[1], out[2] = vx * factor, vy * factor, vz * factor
+        out[3], out[4], out[5] = vx * factor, vy * factor, vz * factor
     elif cosine > 0.0:
-        out[0], out[1], out[2] = vx, vy, vz
+        out[3], out[4], out[5] = vx, vy, vz
     else:
         # Half a turn off: no axis is better than another.
-        out[0], out[1], out[2] = angle, 0.0, 0.0
+        out[3], out[4], out[5] = angle, 0.0, 0.0
     return angle
 
 
@@ -94,7 +94,7 @@ def pose_error(
     r[0], r[1], r[2] = target[0] - place[0], target[1] - place[1], target[2] - place[2]
     distance = math.sqrt(r[0] * r[0] + r[1] * r[1] + r[2] * r[2])
     turn_tool(chain.rotations, turned, work.rotation)
-    angle = rotation_error(work.rotation, target_rotation, mode, r[3:])
+    angle = rotation_error(work.rotation, target_rotation, mode, r)
     r[3] *= weight
     r[4] *= weight
     r[5] *= weight
@@ -105,24 +105,28 @@ def pose_error(
 def weighted_columns(
     chain: ChainArrays, mode: int, target: Array, weight: float, work: IkWork
 ) -> None:
-    """Write the Jacobian of the weighted residual's goal, one joint a row, after `pose_error`."""
-    r, rotation = work.residual, work.rotation
+    """Write the weighted Jacobian, one joint a row, at the posture of the last `pose_error`."""
+    r, rotation, prismatic = work.residual, work.rotation, chain.prismatic
+    axes, origins, columns = work.axes, work.origins, work.columns
     x, y, z = target[0] - r[0], target[1] - r[1], target[2] - r[2]
-    for i in range(work.axes.shape[0]):
-        u, v, w = work.axes[i, 0], work.axes[i, 1], work.axes[i, 2]
-        row = work.columns[i]
-        if chain.prismatic[i]:
-            row[0], row[1], row[2] = u, v, w
-            row[3], row[4], row[5] = 0.0, 0.0, 0.0
+    for i in range(axes.shape[0]):
+        u, v, w = axes[i, 0], axes[i, 1], axes[i, 2]
+        if prismatic[i]:
+            columns[i, 0], columns[i, 1], columns[i, 2] = u, v, w
+            columns[i, 3], columns[i, 4], columns[i, 5] = 0.0, 0.0, 0.0
             continue
-        dx, dy, dz = x - work.origins[i, 0], y - work.origins[i, 1], z - work.origins[i, 2]
-        row[0], row[1], row[2] = v * dz - w * dy, w * dx - u * dz, u * dy - v * dx
+        dx, dy, dz = x - origins[i, 0], y - origins[i, 1], z - origins[i, 2]
+        columns[i, 0], columns[i, 1], columns[i, 2] = (
+            v * dz - w * dy,
+            w * dx - u * dz,
+            u * dy - v * dx,
+        )
         if mode == AXIS:
-            row[3] = weight * (rotation[0, 0] * u + rotation[1, 0] * v + rotation[2, 0] * w)
-            row[4] = weight * (rotation[0, 1] * u + rotation[1, 1] * v + rotation[2, 1] * w)
-            row[5] = 0.0
+            columns[i, 3] = weight * (rotation[0, 0] * u + rotation[1, 0] * v + rotation[2, 0] * w)
+            columns[i, 4] = weight * (rotation[0, 1] * u + rotation[1, 1] * v + rotation[2, 1] * w)
+            columns[i, 5] = 0.0
         else:
-            row[3], row[4], row[5] = weight * u, weight * v, weight * w
+            columns[i, 3], columns[i, 4], columns[i, 5] = weight * u, weight * v, weight * w
 
 
 @njit(cache=True, nogil=True)
@@ -155,24 +159,23 @@ def solve6(a: Array, b: Array) -> None:
 def bounded_step(
     chain: ChainArrays, frozen: NDArray[np.bool_], q: Array, damping: float, work: IkWork
 ) -> None:
-    """Write the damped least-norm step inside the limits, as in `ik_position.bounded_step`."""
-    n = q.shape[0]
+    """Write the damped least-norm step inside the limits, as `ik_position` describes it."""
+    # Fields are taken out of the tuples once: in a loop each look-up costs two atomic counts.
+    wraps, lower, upper = chain.wraps, chain.lower, chain.upper
     columns, step, free = work.columns, work.step, work.free
     gram, right, residual = work.gram, work.multiplier, work.residual
+    n = q.shape[0]
     for i in range(n):
         step[i] = 0.0
         free[i] = not frozen[i]
-        if free[i] and not chain.wraps[i]:
+        if free[i] and not wraps[i] and (q[i] <= lower[i] or q[i] >= upper[i]):
             gradient = 0.0
             for a in range(6):
                 gradient += columns[i, a] * residual[a]
-            if (q[i] <= chain.lower[i] and gradient < 0.0) or (
-                q[i] >= chain.upper[i] and gradient > 0.0
-            ):
-                free[i] = False
+            free[i] = gradient > 0.0 if q[i] <= lower[i] else gradient < 0.0
     for _ in range(n):
         for a in range(6):
-            for b in range(a + 1):
+            for b in range(a):
                 gram[a, b] = 0.0
             gram[a, a] = damping
             right[a] = residual[a]
@@ -193,8 +196,8 @@ def bounded_step(
             s = 0.0
             for a in range(6):
                 s += columns[i, a] * right[a]
-            if not chain.wraps[i]:
-                low, high = chain.lower[i] - q[i], chain.upper[i] - q[i]
+            if not wraps[i]:
+                low, high = lower[i] - q[i], upper[i] - q[i]
                 if s < low or s > high:
                     s = low if s < low else high
                     inside = False
