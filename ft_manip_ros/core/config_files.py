@@ -90,8 +90,8 @@ def _package_folder(name: str) -> Path | None:
     try:
         index = importlib.import_module('ament_index_python.packages')
         return Path(index.get_package_share_directory(name))
-    except (ImportError, LookupError, ValueError):
-        # No ament index here, or it does not know the package: the other places are tried.
+    except (ImportError, LookupError, ValueError, OSError):
+        # No ament index, no prefix set, or no such package there: the other places are tried.
         pass
     roots = [Path(p) for p in os.environ.get('ROS_PACKAGE_PATH', '').split(os.pathsep) if p]
     for entry in sys.path:

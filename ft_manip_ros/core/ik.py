@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -251,9 +252,9 @@ def solve_ik_batch(
     )
 
 
-def _rows(values: Array, shape: tuple[int, int], field: str, dtype: type) -> Array:
+def _rows(values: NDArray[Any], shape: tuple[int, int], field: str, dtype: type) -> NDArray[Any]:
     """Return a fresh array of the given shape from one row for all or one row each."""
-    given = np.asarray(values, dtype=dtype)
+    given: NDArray[Any] = np.asarray(values, dtype=dtype)
     if given.shape not in (shape, shape[1:]):
         raise InputError(field, f'has shape {given.shape}; needs {shape} or {shape[1:]}')
     return np.array(np.broadcast_to(given, shape), order='C')

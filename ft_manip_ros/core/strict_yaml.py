@@ -193,7 +193,7 @@ def read_fields(path: Path) -> Fields:
         raise InputError(str(path), 'is not UTF-8 text') from error
     try:
         # A SafeLoader: it builds plain values only.
-        values = yaml.load(text, Loader=_StrictLoader)  # noqa: S506
+        values = yaml.load(text, Loader=_StrictLoader)
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         line = f', line {mark.line + 1}' if mark is not None else ''
