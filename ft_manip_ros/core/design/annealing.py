@@ -67,15 +67,9 @@ class _Chain:
         state: Mapping[str, Any] | None,
         stop: ShouldStop,
     ) -> None:
-        settings = problem.settings
         self.problem, self.rng, self.stop = problem, rng, stop
-        self.paper = settings.method == 'paredis_1994'
-        self.objective = Objective(
-            problem,
-            rng,
-            inner=settings.inner or ('hybrid' if self.paper else 'newton'),
-            middle=settings.middle or ('p_star' if self.paper else 'march'),
-        )
+        self.paper = problem.settings.method == 'paredis_1994'
+        self.objective = Objective(problem, rng)
         self.candidates: list[Candidate] = []
         self.tried = 0
         self.proof: Proof | None = None

@@ -54,14 +54,10 @@ class _Attempt:
         self.stop = stop
         self.p = problem.space.sample(rng)
         goals, limits = problem.guarded(share)
-        inner = problem.settings.inner or 'newton'
-        middle = problem.settings.middle or 'march'
-        self.objective = Objective(
-            problem, rng, goals=goals, limits=limits, inner=inner, middle=middle
-        )
+        self.objective = Objective(problem, rng, goals=goals, limits=limits)
         self.pool = CasePool(
-            goals, limits, problem.sets, INNER_METHODS.index(inner), random_state(rng),
-            make_work(problem.spec.dof),
+            goals, limits, problem.sets, INNER_METHODS.index(problem.settings.inner_method),
+            random_state(rng), make_work(problem.spec.dof),
         )  # fmt: skip
         self.candidates: list[Candidate] = []
         self.tried = 0

@@ -56,7 +56,7 @@ class Objective:
     goals, limits
         By default the problem's own; the default search passes its guarded ones.
     inner, middle
-        See `settings.DesignSettings`.
+        By default those of the problem's settings.
     """
 
     def __init__(
@@ -66,9 +66,11 @@ class Objective:
         *,
         goals: Goals | None = None,
         limits: Limits | None = None,
-        inner: str = 'newton',
-        middle: str = 'march',
+        inner: str = '',
+        middle: str = '',
     ) -> None:
+        inner = inner or problem.settings.inner_method
+        middle = middle or problem.settings.middle_method
         if middle == 'p_star' and problem.spec.order != 1:
             raise InputError(
                 'middle', f"'p_star' searches one frozen angle; order {problem.spec.order} is not"

@@ -15,6 +15,7 @@ from ft_manip_ros.core.design.problem import DesignProblem, design_problem
 from ft_manip_ros.core.design.proof import Proof
 from ft_manip_ros.core.design.segments import never, run_segment
 from ft_manip_ros.core.design.settings import DesignSettings
+from ft_manip_ros.core.design.warm_up import warm_up
 from ft_manip_ros.core.goal import DesignSpec, Task
 
 # Place of a segment in the order that decides who wins: (index within its chain, chain).
@@ -54,6 +55,7 @@ def design_arm(
         For settings or a specification that cannot be used.
     """
     problem = design_problem(task, spec, settings)
+    warm_up(problem)
     search = _Search(problem, on_candidate, should_stop)
     with ThreadPoolExecutor(problem.settings.workers, 'design') as executor:
         return search.run(executor)

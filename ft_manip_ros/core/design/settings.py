@@ -71,6 +71,16 @@ class DesignSettings:
     max_length: float = np.inf
     prove: bool = True
 
+    @property
+    def inner_method(self) -> str:
+        """The inner method, the search method's own choice where none was given."""
+        return self.inner or ('hybrid' if self.method == 'paredis_1994' else 'newton')
+
+    @property
+    def middle_method(self) -> str:
+        """The middle method, the search method's own choice where none was given."""
+        return self.middle or ('p_star' if self.method == 'paredis_1994' else 'march')
+
     def __post_init__(self) -> None:
         _one_of('method', self.method, METHODS)
         if self.inner:

@@ -1,0 +1,86 @@
+"""A design search in a thread of its own: start, watch, stop, and take the result."""
+
+from __future__ import annotations
+
+import threading
+import time
+from queue import Empty, SimpleQueue
+
+from ft_manip_ros.core.design.candidate import Candidate, DesignResult
+from ft_manip_ros.core.design.search import design_arm
+from ft_manip_ros.core.design.settings import DesignSettings
+from ft_manip_ros.core.goal import DesignSpec, Task
+
+
+class DesignJob:
+    """A search that runs beside its caller.
+
+    Attributes
+    ----------
+    task, spec, settings
+        What is searched for.
+    latest, best
+        Last accepted candidate and the best one so far; None before the first.
+    result
+        None until the search has ended, and where it failed.
+    error
+        What ended the search where it failed.
+    """
+
+    def __init__(self, task: Task, spec: DesignSpec, settings: DesignSettings) -> None:
+        self.task, self.spec, self.settings = task, spec, settings
+        self.latest: Candidate | None = None
+        self.best: Candidate | None = None
+        self.result: DesignResult | None = None
+        self.error: Exception | None = None
+        self._news: SimpleQueue[tuple[Candidate, bool]] = SimpleQueue()
+        self._stop = threading.Event()
+        self._done = threading.Event()
+        self._started = time.monotonic()
+        self._thread = threading.Thread(target=self._run, name='design search', daemon=True)
+        self._thread.start()
+
+    @property
+    def elapsed(self) -> float:
+        """Time since the start, s."""
+        return time.monotonic() - self._started
+
+    @property
+    def done(self) -> bool:
+        """True when the search has ended."""
+        return self._done.is_set()
+
+    def stop(self) -> None:
+        """Ask the search to end with its best design; returns at once."""
+        self._stop.set()
+
+    def wait(self, timeout: float) -> bool:
+        """Wait for the end for up to ``timeout`` s; return whether it came."""
+        return self._done.wait(timeout)
+
+    def take_news(self) -> list[tuple[Candidate, bool]]:
+        """Candidates accepted since the last call, each with whether it was the best so far."""
+        news = []
+        while True:
+            try:
+                news.append(self._news.get_nowait())
+            except Empty:
+                return news
+
+    def _run(self) -> None:
+        try:
+            self.result = design_arm(
+                self.task,
+                self.spec,
+                self.settings,
+                on_candidate=self._on_candidate,
+                should_stop=self._stop.is_set,
+            )
+        except Exception as error:  # noqa: BLE001 - handed to whoever waits for the result
+            self.error = error
+        finally:
+            self._done.set()
+
+    def _on_candidate(self, candidate: Candidate, best: Candidate) -> None:
+        self.latest, self.best = candidate, best
+        self._news.put((candidate, candidate is best))

@@ -1,0 +1,83 @@
+"""Parameters of the node `designer`, and what the search makes of them."""
+
+from __future__ import annotations
+
+from rclpy.parameter import Parameter
+
+from ft_manip_ros.core.design.settings import METHODS, DesignSettings
+from ft_manip_ros.core.design.space import FAMILIES
+from ft_manip_ros.core.errors import InputError
+from ft_manip_ros.core.goal import DesignSpec, Task
+from ft_manip_ros.nodes.managed_node import ManagedNode
+from ft_manip_ros.nodes.parameters import ParameterSpec
+
+PARAMETERS = (
+    ParameterSpec(
+        'task',
+        'paredis_eq_11',
+        'The task: name of a task file in config/tasks, or its path. Its design section is the '
+        'default for tasks that come as messages.',
+    ),
+    ParameterSpec('run_at_start', True, 'Search for the task as soon as the node is active.'),
+    ParameterSpec('dof', 0, 'Number of joints; 0: as the task file says.', '', 0, 32),
+    ParameterSpec('order', 0, 'Joints that fail at once; 0: as the task file says.', '', 0, 8),
+    ParameterSpec(
+        'joint_limits',
+        Parameter.Type.DOUBLE_ARRAY,
+        'Lower and upper limit of every joint; empty: as the task file says.',
+        'rad',
+    ),
+    ParameterSpec('method', METHODS[0], 'How to search.', choices=METHODS),
+    ParameterSpec('seed', 0, 'Seed of the search.', '', 0, 2**63 - 1),
+    ParameterSpec('time_budget', 60.0, 'When the search gives up.', 's', 0.1, 604800.0),
+    ParameterSpec('workers', 2, 'Threads that search side by side.', '', 1, 256),
+    ParameterSpec(
+        'margin',
+        0.04,
+        "Room kept around every goal, as a share of the farthest goal's distance.",
+        '',
+        0.0,
+        0.5,
+    ),
+    ParameterSpec(
+        'alpha_step', 0.0, 'alpha is a multiple of this; 0: any value.', 'rad', 0.0, 3.2
+    ),
+    ParameterSpec('family', FAMILIES[0], 'Links free, or tied symmetrically.', choices=FAMILIES),
+    ParameterSpec(
+        'max_length', 0.0, 'Longest sum of link lengths; 0: no such limit.', 'm', 0.0, 1e4
+    ),
+    ParameterSpec('frame', 'base_link', 'Frame of everything published: the base of the arm.'),
+)
+
+
+def read_settings(node: ManagedNode) -> DesignSettings:
+    """Search settings from the node's parameters; raises `InputError`."""
+    return DesignSettings(
+        method=node.param('method'),
+        seed=node.param('seed'),
+        time_budget=node.param('time_budget'),
+        workers=node.param('workers'),
+        margin=node.param('margin'),
+        alpha_step=node.param('alpha_step'),
+        family=node.param('family'),
+        max_length=node.param('max_length') or float('inf'),
+    )
+
+
+def read_specification(node: ManagedNode, task: Task) -> DesignSpec:
+    """What to design: the parameters where they are given, else the task's design section.
+
+    Raises
+    ------
+    InputError
+        Where neither says how many joints, or the limits are not two numbers.
+    """
+    limits = list(node.param('joint_limits'))
+    dof, order = node.param('dof'), node.param('order')
+    if task.design is None and not dof:
+        raise InputError('parameter dof', f'is 0, and task {task.name!r} has no design section')
+    if limits and len(limits) != 2:
+        raise InputError('parameter joint_limits', f'has {len(limits)} values; needs 2 or 0')
+    base = task.design or DesignSpec(dof)
+    lower, upper = limits or (base.lower, base.upper)
+    return DesignSpec(dof or base.dof, order or base.order, lower, upper, base.bounds)
