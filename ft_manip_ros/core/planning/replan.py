@@ -71,8 +71,8 @@ def plan_task(
             raise InputError(f'sigma of {name!r}', f'is {value}; must be a finite number >= 0')
     limits = motion_limits(chain, operating=not frozen, jerk_time=settings.jerk_time)
     healthy = np.flatnonzero(~mask)
-    scaled = limits.take(healthy).scaled(settings.rate_scale)
-    stopping = stop_route(start[healthy], start_velocity[healthy], scaled, settings)
+    hard = limits.take(healthy)
+    stopping = stop_route(start[healthy], start_velocity[healthy], hard, settings)
     here = start.copy()
     here[healthy] = stopping.motion.positions[-1]
     findings = triage(_within(chain, limits), rod, mask, goals, here, settings)

@@ -67,12 +67,12 @@ def plan_route(
     limits
         Of all n joints.
     """
-    scaled = limits.take(healthy).scaled(settings.rate_scale)
+    hard = limits.take(healthy)
+    scaled = hard.scaled(settings.rate_scale)
     candidates = [
-        folded(finding.postures.q[:, healthy], here[healthy], limits.take(healthy))
-        for finding in findings
+        folded(finding.postures.q[:, healthy], here[healthy], hard) for finding in findings
     ]
-    first = np.array([timing.arrival_time(q, v, target, scaled) for target in candidates[0]])
+    first = np.array([timing.arrival_time(q, v, target, scaled, hard) for target in candidates[0]])
     extra = [settings.limit_weight * limit_closeness(group, scaled) for group in candidates]
     picks, _ = choose_postures(first, candidates, scaled, extra=extra)
     parts: list[Motion] = []
@@ -83,7 +83,7 @@ def plan_route(
             target = at + travel(at, group[pick], scaled.unlimited)
             move = timing.move_between(at, target, scaled, settings.sample_period)
         else:
-            move = timing.move_from(q, v, group[pick], scaled, settings.sample_period)
+            move = timing.move_from(q, v, group[pick], scaled, hard, settings.sample_period)
         at = move.positions[-1]
         clock += move.duration
         posture = here.copy()

@@ -45,7 +45,7 @@ class PlanSettings:
     dwell
         Rest at each goal (s).
     rate_scale
-        Share of the arm's speed, acceleration and jerk limits to use.
+        Share of the arm's speed, acceleration and jerk limits to use; a stop uses them whole.
     jerk_time
         Time (s) to build up full acceleration; arm files give no jerk limit.
     sample_period

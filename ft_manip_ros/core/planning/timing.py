@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -67,35 +68,46 @@ def stopping_range(q: Array, v: Array, limits: MotionLimits) -> tuple[Array, Arr
     return np.minimum(q, end), np.maximum(q, end)
 
 
-def move_from(q: Array, v: Array, target: Array, limits: MotionLimits, period: float) -> Motion:
+def move_from(
+    q: Array,
+    v: Array,
+    target: Array,
+    limits: MotionLimits,
+    braking: MotionLimits,
+    period: float,
+) -> Motion:
     """Move from a moving state to rest at ``target``, (m,), all joints arriving together.
 
-    Joints first flow on or brake within the limits. Where the fastest such motion would leave a
-    joint's range, all joints stop first and then move straight.
+    Joints first flow on or brake within ``limits``. Where the fastest such motion would leave a
+    joint's range, all joints stop first, as hard as ``braking`` allows, and then move straight.
     """
     way = travel(q, target, limits.unlimited)
     if not np.any(np.abs(v) > _AT_REST):
         return move_between(q, q + way, limits, period)
-    direct = _direct(q, v, q + way, limits)
+    direct = _direct(q, v, q + way, limits, braking)
     if direct is not None:
         return _sampled(direct, len(q), period)
-    halt = stop(q, v, limits, period)
+    halt = stop(q, v, braking, period)
     rest = halt.positions[-1]
     go = move_between(rest, rest + travel(rest, target, limits.unlimited), limits, period)
     return joined([halt, go])
 
 
-def arrival_time(q: Array, v: Array, target: Array, limits: MotionLimits) -> float:
+def arrival_time(
+    q: Array, v: Array, target: Array, limits: MotionLimits, braking: MotionLimits
+) -> float:
     """Duration (s) of `move_from`, without its samples."""
     way = travel(q, target, limits.unlimited)
     if np.any(np.abs(v) > _AT_REST):
-        direct = _direct(q, v, q + way, limits)
+        direct = _direct(q, v, q + way, limits, braking)
         if direct is not None:
             return float(direct.duration)
-    return move_from(q, v, target, limits, 10.0).duration
+    return move_from(q, v, target, limits, braking, 10.0).duration
 
 
-def _direct(q: Array, v: Array, target: Array, limits: MotionLimits) -> ruckig.Trajectory | None:
+def _direct(
+    q: Array, v: Array, target: Array, limits: MotionLimits, braking: MotionLimits
+) -> ruckig.Trajectory | None:
     """Fastest motion from the moving state to the target; None where it would leave a range."""
     given = ruckig.InputParameter(len(q))
     _fill(given, q, v, limits)
@@ -103,11 +115,14 @@ def _direct(q: Array, v: Array, target: Array, limits: MotionLimits) -> ruckig.T
     found = ruckig.Trajectory(len(q))
     if ruckig.Ruckig(len(q)).calculate(given, found) != ruckig.Result.Working:
         return None
-    low, high = stopping_range(q, v, limits)
+    low, high = stopping_range(q, v, braking)
     low = np.minimum(low, limits.lower) - _SMALLEST_WAY
     high = np.maximum(high, limits.upper) + _SMALLEST_WAY
-    for i, bound in enumerate(found.position_extrema):
-        if not limits.unlimited[i] and not (low[i] <= bound.min and bound.max <= high[i]):
+    for i, profile in enumerate(found.profiles[0]):
+        if limits.unlimited[i]:
+            continue
+        turns = [found.at_time(time)[0][i] for time in _turning_times(profile)]
+        if any(not low[i] <= position <= high[i] for position in turns):
             return None
     return found
 
@@ -181,9 +196,8 @@ def _sampled(found: ruckig.Trajectory, m: int, period: float) -> Motion:
     for profile in found.profiles[0]:
         phases = [*profile.brake.t, *profile.t, *profile.accel.t]
         switches.extend(np.cumsum(phases))
-    # Turning points too: there the hull of a spline touches the motion, so checks are tight.
-    for bound in found.position_extrema:
-        switches.extend((bound.t_min, bound.t_max))
+        # Turning points too: there the hull of a spline touches the motion, so checks are tight.
+        switches.extend(_turning_times(profile))
     switches.extend(np.arange(period, duration, period))
     ticks = np.unique(np.round(np.array(switches) / _TICK)) * _TICK
     times = [0.0]
@@ -194,3 +208,31 @@ def _sampled(found: ruckig.Trajectory, m: int, period: float) -> Motion:
         times.append(duration)
     states = np.array([found.at_time(time)[:3] for time in times]).reshape(len(times), 3, m)
     return Motion(np.array(times), states[:, 0], states[:, 1], states[:, 2])
+
+
+def _turning_times(profile: ruckig.Profile) -> list[float]:
+    """Times (s) at which a joint's speed passes zero.
+
+    Ruckig's own ``position_extrema`` overlooks those in phases of constant acceleration.
+    """
+    times = []
+    begin = 0.0
+    for part in (profile.brake, profile, profile.accel):
+        for v, a, j, length in zip(part.v, part.a, part.j, part.t, strict=False):
+            for root in _roots(0.5 * j, a, v):
+                if 0.0 < root < length:
+                    times.append(begin + root)
+            begin += length
+    return times
+
+
+def _roots(c2: float, c1: float, c0: float) -> tuple[float, ...]:
+    """Real roots of c2 t^2 + c1 t + c0."""
+    if c2 == 0.0:
+        return () if c1 == 0.0 else (-c0 / c1,)
+    inside = c1 * c1 - 4.0 * c2 * c0
+    if inside < 0.0:
+        return ()
+    # The larger one first, free of cancellation.
+    q = -0.5 * (c1 + math.copysign(math.sqrt(inside), c1))
+    return (0.0, 0.0) if q == 0.0 else (q / c2, c0 / q)
