@@ -20,7 +20,7 @@ class Decoder:
 
     def __init__(self) -> None:
         self._schemas: dict[str, tuple[str, str]] = {}
-        self._stores: dict[str, Typestore] = {}
+        self._stores: dict[str, tuple[Typestore, str]] = {}
 
     def add_schema(self, type_name: str, encoding: str, text: str) -> None:
         """Use this schema ('ros2msg' or 'ros2idl') for a type; the first one told counts."""
@@ -35,14 +35,14 @@ class Decoder:
         InputError
             If the type is unknown, its schema unreadable or the bytes do not fit it.
         """
-        store = self._stores.get(type_name)
-        if store is None:
-            store = self._stores[type_name] = self._build(type_name)
+        if type_name not in self._stores:
+            self._stores[type_name] = self._build(type_name)
+        store, name = self._stores[type_name]
         if len(data) < 4 or data[0] != 0 or data[1] not in (0, 1):
             raise InputError(
                 f'message of type {type_name}', 'does not begin with a plain CDR header'
             )
-        definition = store.get_msgdef(type_name)
+        definition = store.get_msgdef(name)
         read = definition.deserialize_cdr_le if data[1] else definition.deserialize_cdr_be
         try:
             # Not Typestore.deserialize_cdr: it refuses the spare bytes at the end that ROS's own
@@ -54,7 +54,8 @@ class Decoder:
                 f'its {len(data)} bytes do not fit its schema ({_short(error)})',
             ) from None
 
-    def _build(self, type_name: str) -> Typestore:
+    def _build(self, type_name: str) -> tuple[Typestore, str]:
+        """Parsed schema, and the name that rosbags gives the type."""
         if type_name in self._schemas:
             encoding, text = self._schemas[type_name]
         else:
@@ -62,22 +63,25 @@ class Decoder:
         store = get_typestore(Stores.EMPTY)
         try:
             if encoding == 'ros2msg':
-                store.register(get_types_from_msg(text, type_name))
+                types = get_types_from_msg(text, type_name)
+                # It calls a service event pkg/srv/msg/Name_Event; the first type is the one asked.
+                name = next(iter(types))
             elif encoding in ('ros2idl', 'omgidl'):
-                store.register(get_types_from_idl(text))
+                types, name = get_types_from_idl(text), type_name
             else:
                 raise InputError(
                     f'schema of {type_name}',
                     f'has encoding {encoding!r}; known are ros2msg and ros2idl',
                 )
-            store.get_msgdef(type_name)
+            store.register(types)
+            store.get_msgdef(name)
         except InputError:
             raise
         except Exception as error:  # noqa: BLE001 (a parser fed with damaged text)
             raise InputError(
                 f'schema of {type_name}', f'is not readable ({_short(error)})'
             ) from None
-        return store
+        return store, name
 
 
 def _short(error: Exception) -> str:

@@ -147,7 +147,7 @@ def open_bag(path: Path | str) -> Bag:
     bag = Bag(path, [_open_source(file) for file in files])
     bag.notes[:0] = notes
     for key, value in custom.items():
-        name, _, entry = key.rpartition('.')
+        name, _, entry = key.rpartition(':')
         bag.provenance.setdefault(name, {}).setdefault(entry, value)
     return bag
 

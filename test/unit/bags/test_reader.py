@@ -21,7 +21,8 @@ from std_msgs.msg import String
 
 from ft_manip_ros.bags.definitions import message_definition
 from ft_manip_ros.bags.reader import open_bag
-from ft_manip_ros.bags.writer import BagWriter, WriterSettings
+from ft_manip_ros.bags.writer import BagWriter
+from ft_manip_ros.bags.writer_settings import WriterSettings
 from ft_manip_ros.core.errors import InputError
 from support.cdr import cdr
 
@@ -121,7 +122,7 @@ def test_bags_by_rosbags_in_both_storages(
     )  # fmt: skip
     definition = message_definition(STRING)
     with RosbagsWriter(tmp_path / 'bag', version=9, storage_plugin=plugin) as writer:
-        writer.set_custom_data('ft_manip_ros.seed', '7')
+        writer.set_custom_data('ft_manip_ros:seed', '7')
         connection = writer.add_connection(
             '/text', STRING, msgdef=definition.text, rihs01=definition.type_hash,
             offered_qos_profiles=[qos],

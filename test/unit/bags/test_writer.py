@@ -19,7 +19,8 @@ from ft_manip_ros.bags.definitions import message_definition
 from ft_manip_ros.bags.mcap_file import McapFile, WholeRecordFile
 from ft_manip_ros.bags.qos import LATCHED, SENSOR_DATA
 from ft_manip_ros.bags.reader import open_bag
-from ft_manip_ros.bags.writer import BagWriter, WriterSettings
+from ft_manip_ros.bags.writer import BagWriter
+from ft_manip_ros.bags.writer_settings import WriterSettings
 from ft_manip_ros.core.errors import InputError
 from support.cdr import cdr
 
@@ -110,7 +111,7 @@ def test_metadata_yaml_is_version_9_and_complete(tmp_path: Path) -> None:
         t['topic_metadata']['name']: t['message_count'] for t in info['topics_with_message_count']
     }
     assert counts == {'/note': 1, '/joint_states': 300}
-    assert info['custom_data']['ft_manip_ros.seed'] == '7'
+    assert info['custom_data']['ft_manip_ros:seed'] == '7'
 
 
 def test_own_reader_agrees(tmp_path: Path) -> None:
