@@ -24,6 +24,9 @@ from ft_manip_ros.nodes.topics import SERVICE_EVENT_QOS
 # A broken publisher at 100 Hz must not fill the log: one line a second for each source.
 _COMPLAINT_PERIOD = 1.0
 
+# How a service of an inactive node answers, after the node's name.
+NOT_ACTIVE = 'is not active'
+
 
 class ManagedNode(LifecycleNode):
     """A lifecycle node whose subclasses fill in `configure`, `activate`, `deactivate`, `release`.
@@ -117,7 +120,7 @@ class ManagedNode(LifecycleNode):
 
         def guarded(request: Any, response: Any) -> Any:
             if not self.active:
-                response.message = f'{self.get_name()} is not active'
+                response.message = f'{self.get_name()} {NOT_ACTIVE}'
                 return response
             try:
                 return callback(request, response)

@@ -1,0 +1,129 @@
+"""The demo's own node: it hears everything, asks the services, and decides nothing."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+from lifecycle_msgs.msg import State
+from lifecycle_msgs.srv import GetState
+from rclpy.executors import SingleThreadedExecutor
+from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory
+
+from ft_manip_interfaces.msg import DesignCandidate, FaultState, RecoveryPlan
+from ft_manip_interfaces.msg import Task as TaskMessage
+from ft_manip_ros.nodes import topics
+from ft_manip_ros.nodes.managed_node import ManagedNode
+
+
+class StoryError(RuntimeError):
+    """Something that the story needs did not happen; the message says what."""
+
+
+class Observer(ManagedNode):
+    """Keeps every message of interest with the time at which it arrived (ns of the ROS clock).
+
+    It is spun by whoever waits for something, so nothing runs behind the story's back.
+    """
+
+    def __init__(self) -> None:
+        super().__init__('demo')
+        self._executor_kept = SingleThreadedExecutor()
+        self._executor_kept.add_node(self)
+        self.alarm: Callable[[], list[str]] = list
+        self.forget()
+
+    def forget(self) -> None:
+        """Start a new story: drop what was heard so far."""
+        self.states: list[JointState] = []
+        self.trajectories: list[tuple[int, JointTrajectory]] = []
+        self.faults: list[tuple[int, FaultState]] = []
+        self.plans: list[tuple[int, RecoveryPlan]] = []
+        self.candidates: list[tuple[int, DesignCandidate]] = []
+        self.final: DesignCandidate | None = None
+
+    def configure(self) -> None:
+        """Subscribe to all that the story is about."""
+        self.subscribe(
+            JointState, topics.JOINT_STATES, lambda m: self.states.append(m), topics.SENSOR_QOS
+        )
+        for message_type, topic, name, qos in (
+            (JointTrajectory, topics.JOINT_TRAJECTORY, 'trajectories', topics.COMMAND_QOS),
+            (FaultState, topics.FAULT_STATE, 'faults', topics.LATCHED_QOS),
+            (RecoveryPlan, topics.RECOVERY_PLAN, 'plans', topics.LATCHED_QOS),
+            (DesignCandidate, topics.DESIGN_CANDIDATES, 'candidates', topics.EVENT_QOS),
+        ):
+            self.subscribe(message_type, topic, self._keep_in(name), qos)
+        self.subscribe(DesignCandidate, topics.DESIGN_FINAL, self._on_final, topics.LATCHED_QOS)
+        self._task = self.advertise(TaskMessage, topics.TASK, topics.LATCHED_QOS)
+
+    def now(self) -> int:
+        """Time of the ROS clock, ns."""
+        return int(self.get_clock().now().nanoseconds)
+
+    def publish_task(self, message: TaskMessage) -> None:
+        """Set the task, for all who listen and who will."""
+        self._task.publish(message)
+
+    def until(self, condition: Callable[[], Any], timeout: float, what: str) -> Any:
+        """Spin until ``condition()`` is true and return its value.
+
+        Raises
+        ------
+        StoryError
+            If it does not come true in time, or a process ends in the meantime.
+        """
+        deadline = time.monotonic() + timeout
+        while not (value := condition()):
+            dead = self.alarm()
+            if dead:
+                raise StoryError('; '.join(dead))
+            if time.monotonic() > deadline:
+                raise StoryError(f'waited {timeout:g} s in vain for {what}')
+            self._executor_kept.spin_once(timeout_sec=0.05)
+        return value
+
+    def until_active(self, node: str, timeout: float) -> None:
+        """Wait until a lifecycle node is active."""
+        deadline = time.monotonic() + timeout
+        while True:
+            left = max(deadline - time.monotonic(), 0.0)
+            answer = self.call(GetState, f'{node}/get_state', GetState.Request(), timeout=left)
+            if answer.current_state.id == State.PRIMARY_STATE_ACTIVE:
+                return
+
+    def until_joined(self, topic: str, *, publishers: int, subscriptions: int) -> None:
+        """Wait until a topic has its publishers and subscriptions, this node's included."""
+        self.until(
+            lambda: (
+                self.count_publishers(topic) >= publishers
+                and self.count_subscribers(topic) >= subscriptions
+            ),
+            20.0,
+            f'{publishers} publishers and {subscriptions} subscriptions of {topic}',
+        )
+
+    def call(self, service_type: Any, name: str, request: Any, *, timeout: float) -> Any:
+        """Call a service as soon as it exists and return its response."""
+        client = self.create_client(service_type, name)
+        try:
+            self.until(client.service_is_ready, timeout, f'service {name}')
+            future = client.call_async(request)
+            self.until(future.done, timeout, f'the answer of {name}')
+            return future.result()
+        finally:
+            self.destroy_client(client)
+
+    def close(self) -> None:
+        """Release everything."""
+        self._executor_kept.shutdown(timeout_sec=0.0)
+        self.shut_down()
+        self.destroy_node()
+
+    def _keep_in(self, name: str) -> Callable[[Any], None]:
+        return lambda message: getattr(self, name).append((self.now(), message))
+
+    def _on_final(self, message: DesignCandidate) -> None:
+        self.final = message
