@@ -128,7 +128,7 @@ class Recorder(ManagedNode):
         self._parameters = ParameterCapture(
             self,
             self._nodes.__contains__,
-            lambda node, values: self._if_open('add_provenance', f'parameters{node}', values),
+            self._on_parameters,
             lambda *file: self._if_open('add_attachment', *file),
         )
         self._on_discovery()
@@ -157,6 +157,10 @@ class Recorder(ManagedNode):
     def _announce(self, topic: str, type_name: str, qos: tuple[QosProfile, ...]) -> None:
         if self._recording is not None:
             self._recording.add_topic(topic, message_definition(type_name), qos)
+
+    def _on_parameters(self, node: str, values: dict[str, str]) -> None:
+        self._if_open('add_provenance', f'parameters{node}', values)
+        self.get_logger().info(f'has the parameters of {node}')
 
     def _if_open(self, method: str, *args: object) -> None:
         if self._recording is not None:
