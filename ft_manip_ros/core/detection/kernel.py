@@ -219,7 +219,7 @@ def advance(
     fresh = np.zeros(n, dtype=np.bool_)
     for k in range(stamps.shape[0]):
         t = stamps[k]
-        if arm.messages == 0:
+        if arm.now == NO_TIME:
             arm.first = t
         on_line = _on_time_line(memory, t)
         zero = _zero_row(memory, q[k], present[k])

@@ -148,7 +148,7 @@ def decide(
 
 @numba.njit(cache=True, nogil=True)
 def is_active(r: Any, t: float) -> bool:
-    """Is the joint commanded to move or, without commands, moving?"""
+    """Tell whether the joint is commanded to move or, without commands, moves."""
     if r.ring_n > 0:
         return r.command_moves and t - r.command_rest_since < _ACTIVE + r.lag_high
     return r.has_moved and t - r.still_since < _ACTIVE

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ft_manip_ros.core.chain import Joint
 from ft_manip_ros.core.detection.commands import CommandBook, point_table
 from ft_manip_ros.core.detection.kernel import advance, forget_windows
-from ft_manip_ros.core.detection.layout import allocate
+from ft_manip_ros.core.detection.layout import NO_TIME, allocate
 from ft_manip_ros.core.detection.machine import freeze
 from ft_manip_ros.core.detection.settings import MonitorSettings
 from ft_manip_ros.core.detection.states import CAUSE_TEXT, Cause, Edge, JointState, Report
@@ -65,6 +65,7 @@ class FaultMonitor:
         self._stamp = np.zeros(1)
         self._edges = np.zeros((n, 2), dtype=np.int64)
         self._notes: list[str] = [''] * n
+        self._changes: list[tuple[JointState, int]] = [(JointState.IDLE, 0)] * n
         self._epoch: int | None = None
         self._live_until = -math.inf
         self._resets = 0
@@ -121,8 +122,15 @@ class FaultMonitor:
                 'trajectory.joint_names',
                 f'{list(names)} has no watched joint; those are {", ".join(self.names)}',
             )
-        tables = (table[:, columns] for table in (positions, velocities, accelerations))
-        self._book.trajectory(self._time(stamp), joints, times, *tables, self._records['q'])
+        self._book.trajectory(
+            self._time(stamp),
+            joints,
+            times,
+            positions[:, columns],
+            velocities[:, columns],
+            accelerations[:, columns],
+            self._records['q'].copy(),
+        )
 
     # Samples
 
@@ -199,8 +207,7 @@ class FaultMonitor:
             )
             done += rows
             for j, before in self._edges[:count]:
-                self._notes[j] = ''
-                out.append(Edge(stamps[done - 1], JointState(int(before)), self._report(j)))
+                out.append(self._edge(j, JointState(int(before)), stamps[done - 1], ''))
         if self._memory.arm['resets'][0] != self._resets:
             self._resets = int(self._memory.arm['resets'][0])
             self._book.clear()
@@ -236,8 +243,7 @@ class FaultMonitor:
         r['manual'] = True
         if position is not None:
             r['frozen_q'] = position
-        self._notes[j] = reason
-        return Edge(stamp, before, self._report(j))
+        return self._edge(j, before, stamp, reason)
 
     def clear(self, name: str, stamp: int, reason: str = '') -> list[Edge]:
         """Clear a joint's fault, or with an empty name all; each must then prove itself.
@@ -261,26 +267,35 @@ class FaultMonitor:
                 r[field] = math.nan
             for field in ('first_evidence', 'confirmed'):
                 r[field] = 0.0
-            self._notes[j] = reason
-            edges.append(Edge(stamp, before, self._report(j)))
+            edges.append(self._edge(j, before, stamp, reason))
         return edges
 
-    def restore(self, name: str, position: float, sigma: float, manual: bool, reason: str) -> None:
-        """Take over a lock that was found before a restart."""
-        j = self._index(name, 'joint')
-        if not (math.isfinite(position) and math.isfinite(sigma) and sigma >= 0.0):
-            raise InputError(f'frozen position of {name!r}', f'is {position} ± {sigma}')
-        r = self._records[j]
-        r['state'], r['cause'], r['manual'] = JointState.LOCKED, Cause.RESTORED, manual
+    def restore(
+        self,
+        name: str,
+        state: JointState,
+        position: float,
+        sigma: float,
+        manual: bool,
+        reason: str,
+    ) -> None:
+        """Take over a latched fault that was found before a restart."""
+        r = self._records[self._index(name, 'joint')]
+        r['state'], r['cause'], r['manual'] = state, Cause.RESTORED, manual
         r['frozen_q'], r['frozen_sigma'] = position, sigma
-        self._notes[j] = reason
+        self._notes[self._place[name]] = reason
 
     def forget_time(self) -> None:
         """Start a new time line (the clock jumped); faults and what was learned stay."""
         for j in range(len(self.names)):
             forget_windows(self._memory.joints[j])
-        self._memory.arm['now'] = -math.inf
+        self._memory.arm['now'] = NO_TIME
         self._book.clear()
+
+    def _edge(self, j: int, before: JointState, stamp: int, note: str) -> Edge:
+        self._notes[j] = note
+        self._changes[j] = (before, stamp)
+        return Edge(stamp, before, self._report(j))
 
     def _report(self, j: int) -> Report:
         r = self._records[j]
@@ -303,6 +318,9 @@ class FaultMonitor:
             residual=float(r['missing']),
             threshold=float(r['threshold']),
             noise=math.sqrt(noise) if known else math.nan,
+            suspects=int(r['suspects']),
+            previous=self._changes[j][0],
+            changed=self._changes[j][1],
         )
 
     def _index(self, name: str, field_name: str) -> int:

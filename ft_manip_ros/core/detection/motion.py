@@ -61,7 +61,7 @@ def judge_motion(r: Any, s: Any, ring_t: Array, ring_c: Array, t: float, q: floa
 
 @numba.njit(cache=True, nogil=True)
 def _against(r: Any, ring_t: Array, ring_c: Array, t: float, q: float) -> int:
-    """Is the joint far outside all commands of its lag span, and leaving them?"""
+    """Tell whether the joint is far outside all commands of its lag span, and leaving them."""
     lo = hi = r.command
     for share in (0.5, 1.0):
         c = command_at(r, ring_t, ring_c, t - share * r.lag_high)

@@ -103,7 +103,7 @@ def note_good(r: Any, t: float) -> None:
 
 @numba.njit(cache=True, nogil=True)
 def repeats_unlike_itself(r: Any, t: float, raw: float, dead_s: float) -> bool:
-    """Does the channel repeat bit for bit although it always flickers while the joint rests?
+    """Tell whether the channel repeats bit for bit although it always flickers at rest.
 
     Only flicker to and fro is believed to be noise: filters and creep change without it. Whether a
     run is long is judged by its chance on this channel, so that rounded logs and coarse encoders,

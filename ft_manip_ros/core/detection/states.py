@@ -104,6 +104,10 @@ class Report:
         What the residual is compared with, rad or m.
     noise
         Learned position noise, one standard deviation, rad or m; NaN before any is learned.
+    suspects
+        How often the joint was suspected and moved on by itself.
+    previous, changed
+        State before the latest change, and the stamp (ns) of that change; 0 if none.
     """
 
     name: str
@@ -119,6 +123,9 @@ class Report:
     residual: float
     threshold: float
     noise: float
+    suspects: int
+    previous: JointState
+    changed: int
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Compiled: has the joint stood still while its command moved on, and by how much?
+"""Compiled: how far the command has moved on while the joint stood still.
 
 The window begins at the last sample at which the joint moved. While it lasts, the command is
 looked at only where even the slowest believable tracking must have brought it to the joint: from

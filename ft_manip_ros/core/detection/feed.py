@@ -1,0 +1,102 @@
+"""Joint states and commands as they arrive: checked, put on one clock, passed to the monitor.
+
+The node and the replay of bags share this, so that both come to the same verdicts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from ft_manip_ros.core.detection.monitor import FaultMonitor
+from ft_manip_ros.core.detection.states import Edge
+from ft_manip_ros.core.errors import InputError
+
+_RECENT = 1_000_000_000  # ns, how old the latest sample may be to tell the samples' clock
+TrajectoryPoint = tuple[float, Sequence[float], Sequence[float], Sequence[float]]
+
+
+class MonitorFeed:
+    """Takes messages with their arrival times (ns) and keeps the monitor on the stamps' clock.
+
+    Parameters
+    ----------
+    monitor
+        The monitor that is fed.
+    """
+
+    def __init__(self, monitor: FaultMonitor) -> None:
+        self.monitor = monitor
+        self.ignored: set[str] = set()
+        self._latest: tuple[int, int] | None = None
+        self._stamped = False
+
+    def joint_state(
+        self,
+        stamp: int,
+        arrival: int,
+        names: Sequence[str],
+        positions: Sequence[float],
+        velocities: Sequence[float] = (),
+        efforts: Sequence[float] = (),
+    ) -> list[Edge]:
+        """Take a joint-state message; a driver that never stamps is timed by arrival.
+
+        Raises
+        ------
+        InputError
+            For arrays of another length than ``names``, or names given twice; nothing of the
+            message is then used.
+        """
+        tables = []
+        for key, values in (
+            ('position', positions),
+            ('velocity', velocities),
+            ('effort', efforts),
+        ):
+            if len(values) not in (0, len(names)):
+                raise InputError(
+                    f'joint_states.{key}', f'has {len(values)} values for {len(names)} names'
+                )
+            tables.append(dict(zip(names, values, strict=False)))
+        if len(set(names)) != len(names):
+            raise InputError('joint_states.name', f'{list(names)} names a joint twice')
+        self._stamped = self._stamped or stamp != 0
+        if not self._stamped:
+            stamp = arrival
+        mine = [name for name in names if name in self.monitor.names]
+        if not mine:
+            # Another publisher's joints; the caller may tell.
+            self.ignored.update(names)
+            return []
+        self._latest = (stamp, arrival)
+        return self.monitor.sample(stamp, tables[0], tables[1], tables[2])
+
+    def trajectory(
+        self,
+        stamp: int,
+        arrival: int,
+        names: Sequence[str],
+        points: Iterable[TrajectoryPoint],
+    ) -> None:
+        """Take a trajectory; stamp 0 means that it starts as it arrives."""
+        start = stamp if stamp != 0 else self.on_sample_clock(arrival)
+        self.monitor.trajectory(start, names, list(points))
+
+    def reference(
+        self, stamp: int, arrival: int, names: Sequence[str], positions: Sequence[float]
+    ) -> None:
+        """Take set points of a reference or controller-state message."""
+        if len(positions) != len(names):
+            raise InputError(
+                'reference.position', f'has {len(positions)} values for {len(names)} names'
+            )
+        self.monitor.command(
+            stamp if stamp != 0 else self.on_sample_clock(arrival),
+            dict(zip(names, positions, strict=True)),
+        )
+
+    def on_sample_clock(self, arrival: int) -> int:
+        """Stamp (ns) that a sample arriving at ``arrival`` would have borne."""
+        if self._latest is None or not 0 <= arrival - self._latest[1] <= _RECENT:
+            return arrival
+        return self._latest[0] + arrival - self._latest[1]

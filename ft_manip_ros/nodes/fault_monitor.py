@@ -1,0 +1,275 @@
+"""Node `fault_monitor`: joint states and commanded motion in, faults of the joints out."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from dataclasses import fields
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rclpy.clock import JumpThreshold, TimeJump
+from rclpy.duration import Duration
+from sensor_msgs.msg import JointState as JointStateMessage
+from trajectory_msgs.msg import JointTrajectory
+from visualization_msgs.msg import MarkerArray
+
+from ft_manip_interfaces.msg import FaultState, JointFault
+from ft_manip_interfaces.srv import ClearFault, FreezeJoint
+from ft_manip_ros.core.detection.feed import MonitorFeed
+from ft_manip_ros.core.detection.monitor import FaultMonitor
+from ft_manip_ros.core.detection.settings import MonitorSettings
+from ft_manip_ros.core.detection.state_file import restore_faults, save_faults
+from ft_manip_ros.core.detection.states import LATCHED, Edge
+from ft_manip_ros.core.detection.warm_up import warm_up
+from ft_manip_ros.nodes import topics
+from ft_manip_ros.nodes.arm_model import load_arm_parameter
+from ft_manip_ros.nodes.conversions import nanoseconds, seconds
+from ft_manip_ros.nodes.fault_messages import (
+    NODE,
+    diagnostics_message,
+    fault_markers,
+    fault_message,
+    state_message,
+)
+from ft_manip_ros.nodes.fault_parameters import PARAMETERS
+from ft_manip_ros.nodes.managed_node import ManagedNode
+from ft_manip_ros.nodes.process import run
+
+_SILENT = 1_000_000_000  # ns without any joint state after which diagnostics say so
+_BLIND = (
+    'no commanded motion seen: only stale samples, sensor faults and joints that stop dead '
+    'while others move can be told'
+)
+
+
+class FaultMonitorNode(ManagedNode):
+    """Feeds the monitor and publishes what it finds."""
+
+    def __init__(self) -> None:
+        super().__init__(NODE, PARAMETERS)
+
+    def configure(self) -> None:
+        """Load the arm and the faults of an earlier run, open the topics."""
+        self._chain = load_arm_parameter(self)
+        settings = MonitorSettings(
+            **{item.name: self.param(item.name) for item in fields(MonitorSettings)}
+        )
+        self._monitor = FaultMonitor(self._chain.joints, settings, exempt=self.param('exempt'))
+        self._feed = MonitorFeed(self._monitor)
+        self._frame = self.param('frame')
+        self._sequence = 0
+        self._stamp = 0
+        self._arrival: int | None = None
+        self._commanded = False
+        self._told: set[str] = set()
+        path = self.param('state_file')
+        self._file = Path(path).expanduser() if path else None
+        if self._file and not self.param('forget'):
+            for name in restore_faults(self._file, self._monitor):
+                self.get_logger().warning(f'{name} is still faulty, by {self._file}')
+        self._states = self.advertise(FaultState, topics.FAULT_STATE, topics.LATCHED_QOS)
+        self._events = self.advertise(JointFault, topics.FAULT_EVENTS, topics.EVENT_QOS)
+        self._markers = self.advertise(MarkerArray, topics.markers(NODE), topics.LATCHED_QOS)
+        # Diagnostics tell of an inactive monitor, too: an ordinary publisher.
+        self._diagnostics = self.create_publisher(
+            DiagnosticArray, topics.DIAGNOSTICS, topics.COMMAND_QOS
+        )
+        self.subscribe(
+            JointStateMessage, topics.JOINT_STATES, self._on_joint_state, topics.SENSOR_QOS
+        )
+        self.subscribe(
+            JointTrajectory, topics.JOINT_TRAJECTORY, self._on_trajectory, topics.COMMAND_QOS
+        )
+        if self.param('reference_topic'):
+            self.subscribe(
+                JointStateMessage,
+                self.param('reference_topic'),
+                self._on_reference,
+                topics.SENSOR_QOS,
+            )
+        self._subscribe_controller_state(self.param('controller_state_topic'))
+        self.serve(FreezeJoint, topics.FREEZE_JOINT, self._on_freeze)
+        self.serve(ClearFault, topics.CLEAR_FAULT, self._on_clear)
+        self.create_timer(1.0, self._on_diagnostics)
+        self._jump = self.get_clock().create_jump_callback(
+            JumpThreshold(
+                min_forward=Duration(seconds=10.0),
+                min_backward=Duration(seconds=-1e-3),
+                on_clock_change=True,
+            ),
+            post_callback=self._on_time_jump,
+        )
+
+    def warm_up(self) -> None:
+        """Compile what every message will need."""
+        warm_up()
+
+    def activate(self) -> None:
+        """Say what is known, which may be faults of an earlier run."""
+        self._publish_state(self._stamp or self._now())
+
+    def release(self) -> None:
+        """Stop listening to the clock."""
+        jump = getattr(self, '_jump', None)
+        if jump is not None:
+            jump.unregister()
+            self._jump = None
+
+    def _subscribe_controller_state(self, topic: str) -> None:
+        if not topic:
+            return
+        try:
+            messages = import_module('control_msgs.msg')
+        except ImportError:
+            return
+        self.subscribe(
+            messages.JointTrajectoryControllerState,
+            topic,
+            self._on_controller_state,
+            topics.SENSOR_QOS,
+        )
+
+    def _now(self) -> int:
+        return int(self.get_clock().now().nanoseconds)
+
+    def _on_joint_state(self, message: JointStateMessage) -> None:
+        arrival = self._now()
+        edges = self._feed.joint_state(
+            nanoseconds(message.header.stamp),
+            arrival,
+            message.name,
+            message.position,
+            message.velocity,
+            message.effort,
+        )
+        self._arrival = arrival
+        self._stamp = nanoseconds(message.header.stamp) or arrival
+        foreign = self._feed.ignored - self._told
+        if foreign:
+            self._told |= foreign
+            self.get_logger().info(
+                f'not joints of this arm, ignored: {", ".join(sorted(foreign))}'
+            )
+        if edges:
+            self._tell(edges, self._stamp)
+
+    def _on_trajectory(self, message: JointTrajectory) -> None:
+        points = [
+            (
+                seconds(point.time_from_start),
+                point.positions,
+                point.velocities,
+                point.accelerations,
+            )
+            for point in message.points
+        ]
+        self._feed.trajectory(
+            nanoseconds(message.header.stamp), self._now(), message.joint_names, points
+        )
+        self._commanded = True
+
+    def _on_reference(self, message: JointStateMessage) -> None:
+        self._feed.reference(
+            nanoseconds(message.header.stamp), self._now(), message.name, message.position
+        )
+        self._commanded = True
+
+    def _on_controller_state(self, message: Any) -> None:
+        # The desired fields were renamed to reference between distributions.
+        wanted = getattr(message, 'reference', None) or message.desired
+        self._feed.reference(
+            nanoseconds(message.header.stamp), self._now(), message.joint_names, wanted.positions
+        )
+        self._commanded = True
+
+    def _on_freeze(
+        self, request: FreezeJoint.Request, response: FreezeJoint.Response
+    ) -> FreezeJoint.Response:
+        edge = self._monitor.freeze(
+            request.joint,
+            None if request.at_measured else request.position,
+            request.reason or 'by hand',
+            self._stamp or self._now(),
+        )
+        self._tell([edge], edge.stamp)
+        response.success = True
+        response.position = edge.report.frozen_position
+        response.message = f'{request.joint} is held to be frozen at {response.position:.6g}'
+        return response
+
+    def _on_clear(
+        self, request: ClearFault.Request, response: ClearFault.Response
+    ) -> ClearFault.Response:
+        edges = self._monitor.clear(request.joint, self._stamp or self._now(), request.reason)
+        if edges:
+            self._tell(edges, edges[0].stamp)
+        response.cleared = [edge.report.name for edge in edges]
+        response.success = bool(edges)
+        response.message = (
+            f'cleared {", ".join(response.cleared)}; each has to prove itself'
+            if edges
+            else f'{request.joint or "no joint"} has no fault to clear'
+        )
+        return response
+
+    def _tell(self, edges: Sequence[Edge], ns: int) -> None:
+        """Publish changes of state; latched ones also go to the log and the state file."""
+        self._publish_state(ns)
+        for edge in edges:
+            self._events.publish(fault_message(edge.report))
+            if edge.report.state in LATCHED:
+                self.get_logger().error(
+                    f'{edge.report.name} {edge.report.state.name} at {edge.report.position:.6g}: '
+                    f'{edge.report.cause}'
+                )
+        if self._file and any(
+            edge.report.state in LATCHED or edge.previous in LATCHED for edge in edges
+        ):
+            try:
+                save_faults(self._file, self._chain.name, self._monitor.states())
+            except OSError as error:
+                self.complain('state file', f'faults will not survive a restart: {error}')
+
+    def _publish_state(self, ns: int) -> None:
+        reports = self._monitor.states()
+        self._sequence += 1
+        self._states.publish(state_message(reports, ns, self._sequence, self._frame))
+        self._markers.publish(fault_markers(self._chain, reports, ns, self._frame))
+
+    def _on_diagnostics(self) -> None:
+        reports = self._monitor.states()
+        silent = self._arrival is None or self._now() - self._arrival > _SILENT
+        summary = DiagnosticStatus(
+            name=f'{NODE}: {NODE}', hardware_id=self._chain.name, level=DiagnosticStatus.OK
+        )
+        faults = [r.name for r in reports if r.state in LATCHED]
+        if not self.active:
+            summary.level, summary.message = DiagnosticStatus.WARN, 'inactive'
+        elif silent:
+            summary.level, summary.message = DiagnosticStatus.STALE, 'no joint states'
+        elif faults:
+            summary.level = DiagnosticStatus.ERROR
+            summary.message = f'faults: {", ".join(faults)}'
+        elif not self._commanded:
+            summary.level, summary.message = DiagnosticStatus.WARN, _BLIND
+        else:
+            summary.message = 'watching'
+        self._diagnostics.publish(
+            diagnostics_message(reports, self._chain.name, self._now(), summary, silent)
+        )
+
+    def _on_time_jump(self, jump: TimeJump) -> None:
+        self.get_logger().warning('the clock jumped: evidence starts anew, faults stay')
+        self._monitor.forget_time()
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run the node."""
+    return run(FaultMonitorNode, args)
+
+
+if __name__ == '__main__':
+    sys.exit(main())
