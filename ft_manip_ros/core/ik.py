@@ -151,14 +151,19 @@ def solve_ik(
     settings = settings or IkSettings()
     q = (0.5 * (chain.lower + chain.upper)) if start is None else chain.check_vector(start)
     rotation = _NO_ROTATION if goal.orientation is None else goal.orientation
-    qs = q[None, :].copy()
+    # Copies, since a read-only array is a type of its own: the kernel would be compiled again.
+    qs, targets, rotations = (
+        q[None, :].copy(),
+        goal.position[None, :].copy(),
+        rotation[None].copy(),
+    )
     counts, errors = np.empty((1, 3), dtype=np.int64), np.empty((1, 2))
     solve_rows(
         chain.arrays,
         np.zeros((1, chain.n), dtype=np.bool_),
-        np.array([ik_mode(goal)]),
-        goal.position[None, :],
-        rotation[None, :, :],
+        np.array([ik_mode(goal)], dtype=np.int64),
+        targets,
+        rotations,
         ik_control(settings),
         np.array([settings.seed], dtype=np.uint64),
         qs,

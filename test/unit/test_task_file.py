@@ -1,0 +1,139 @@
+"""Task files and goals: what is read, what is refused and how it is named."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from ft_manip_ros.core.config_files import config_folder
+from ft_manip_ros.core.errors import InputError
+from ft_manip_ros.core.goal import (
+    DesignSpec,
+    Goal,
+    Task,
+    quaternion_from_rotation,
+    rotation_from_quaternion,
+)
+from ft_manip_ros.core.task_file import load_task
+
+GOOD = """
+name: task
+goals:
+  - {position: [0.5, 0, 0.5]}
+  - {id: turned, position: [0, 0.5, 0.25], orientation: [0, 0, 0.6, 0.8], position_tolerance: 2e-3}
+  - {position: [0, 0, 1], orientation: [1, 0, 0, 0], free_axis: true, orientation_tolerance_deg: 1}
+design: {dof: 5, order: 1, joint_limits_deg: [-150, 150], bounds: {a: [0, 2], alpha_deg: [-90, 90]}}
+"""
+
+
+def _load(folder: Path, text: str) -> Task:
+    path = folder / 'task.yaml'
+    path.write_text(text)
+    return load_task(path)
+
+
+def test_every_field_is_read(tmp_path: Path) -> None:
+    task = _load(tmp_path, GOOD)
+    first, second, third = task.goals
+    assert (first.id, second.id, third.id) == ('goal_1', 'turned', 'goal_3')
+    assert first.position.tolist() == [0.5, 0.0, 0.5]
+    assert first.orientation is None
+    assert second.orientation == pytest.approx(
+        Rotation.from_quat([0.0, 0.0, 0.6, 0.8]).as_matrix()
+    )
+    assert second.position_tolerance == 2e-3
+    assert third.free_axis
+    assert third.orientation_tolerance == pytest.approx(np.deg2rad(1.0))
+    assert task.design is not None
+    assert (task.design.dof, task.design.order) == (5, 1)
+    assert task.design.upper == pytest.approx(np.deg2rad(150.0))
+    assert task.design.bounds is not None
+    assert task.design.bounds['a'] == (0.0, 2.0)
+    assert task.design.bounds['alpha'] == pytest.approx((-np.pi / 2, np.pi / 2))
+
+
+def test_the_papers_task_is_equation_11() -> None:
+    task = load_task('paredis_eq_11')
+    assert [goal.position.tolist() for goal in task.goals] == [
+        [0.5, 0.0, 0.5],
+        [0.0, 0.5, 0.25],
+        [0.75, 0.0, 0.5],
+    ]
+
+
+@pytest.mark.parametrize(
+    'path', sorted(config_folder('tasks').glob('*.yaml')), ids=lambda p: p.stem
+)
+def test_every_task_of_the_package_loads_by_its_name(path: Path) -> None:
+    assert load_task(path.stem).name == path.stem
+
+
+REFUSED = {
+    'two numbers': ('[0.5, 0, 0.5]', '[0.5, 0]', r'goals\[0\]\.position: is a list of 2'),
+    'nan': ('[0.5, 0, 0.5]', '[0.5, .nan, 0.5]', r'goals\[0\]\.position\[1\]: is nan'),
+    'text': ('[0.5, 0, 0.5]', '[0.5, x, 0.5]', r"goals\[0\]\.position\[1\]: is 'x'"),
+    'not a unit': ('0.6, 0.8', '0.6, 0.9', r'goals\[1\]\.orientation: has norm'),
+    'free of nothing': (', orientation: [1, 0, 0, 0]', '', r'goals\[2\].*free_axis: needs'),
+    'not a flag': ('free_axis: true', 'free_axis: yes', r"goals\[2\]\.free_axis: is 'yes'"),
+    'no tolerance': ('2e-3', '0', r'goals\[1\].*position_tolerance: is 0.0; must be'),
+    'unknown key': ('free_axis', 'free_axes', r'goals\[2\]\.free_axes: is not a known key'),
+    'same id twice': ('{position: [0.5', '{id: turned, position: [0.5', r"'turned'\] appear more"),
+    'part of a joint': ('dof: 5', 'dof: 5.5', r'design\.dof: is 5\.5; a whole number'),
+    'too few joints': ('dof: 5', 'dof: 1', r'design.*dof: is 1; must exceed'),
+    'limits swapped': ('[-150, 150]', '[150, -150]', r'design.*joint limits'),
+    'unknown bound': ('bounds: {a:', 'bounds: {theta:', r'design\.bounds\.theta: is not a known'),
+}
+
+
+@pytest.mark.parametrize('case', REFUSED)
+def test_what_is_wrong_is_named(case: str, tmp_path: Path) -> None:
+    old, new, message = REFUSED[case]
+    assert old in GOOD
+    with pytest.raises(InputError, match=message) as raised:
+        _load(tmp_path, GOOD.replace(old, new, 1))
+    assert 'task.yaml' in str(raised.value)
+
+
+def test_a_task_without_goals_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match='goals: is missing'):
+        _load(tmp_path, 'name: nothing')
+
+
+def test_quaternions_and_matrices_agree_with_scipy() -> None:
+    for rotation in Rotation.random(200, random_state=1):
+        matrix = rotation.as_matrix()
+        assert rotation_from_quaternion(rotation.as_quat(), 'q') == pytest.approx(matrix)
+        again = quaternion_from_rotation(matrix)
+        assert again[3] >= 0.0
+        assert rotation_from_quaternion(again, 'q') == pytest.approx(matrix)
+
+
+@pytest.mark.parametrize('axis', [[1, 0, 0], [0, 1, 0], [0, 0, 1], [0, 0.6, 0.8]])
+def test_half_turns_have_a_quaternion(axis: list[float]) -> None:
+    matrix = Rotation.from_rotvec(np.pi * np.array(axis)).as_matrix()
+    assert rotation_from_quaternion(quaternion_from_rotation(matrix), 'q') == pytest.approx(matrix)
+
+
+@pytest.mark.parametrize(
+    'fields',
+    [
+        {'position': [0.0, 0.0]},
+        {'position': [0.0, 0.0, np.nan]},
+        {'position': np.zeros(3), 'orientation': np.diag([1.0, 1.0, -1.0])},
+        {'position': np.zeros(3), 'orientation': 2.0 * np.eye(3)},
+        {'position': np.zeros(3), 'orientation': np.full((3, 3), np.nan)},
+        {'position': np.zeros(3), 'position_tolerance': -1.0},
+    ],
+)
+def test_goals_refuse_what_is_no_goal(fields: dict[str, object]) -> None:
+    with pytest.raises(InputError, match='goal'):
+        Goal(**fields)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize('fields', [{'dof': 2, 'order': 2}, {'dof': 3, 'order': 0}])
+def test_design_specs_refuse_what_cannot_be(fields: dict[str, int]) -> None:
+    with pytest.raises(InputError, match='design'):
+        DesignSpec(**fields)
