@@ -97,7 +97,12 @@ def test_each_joint_locked_in_turn_released_cleared_and_proved(start_node, probe
         scene.move([0.3 * side] * 5)
         answer = scene.inject(joint, InjectFault.Request.LOCK, 0.7)
         scene.await_frozen([joint], f'{joint} to be found')
-        (lock,) = [event for event in scene.events if event.state == JointFault.LOCKED]
+        locks = probe.until(
+            lambda: [event for event in scene.events if event.state == JointFault.LOCKED],
+            10.0,
+            'the event',
+        )
+        (lock,) = locks
         locked_at = seconds(answer.stamp)
         delay = seconds(lock.stamp) - locked_at
         assert lock.name == joint
