@@ -23,9 +23,10 @@ GOOD = """
 name: task
 goals:
   - {position: [0.5, 0, 0.5]}
-  - {id: turned, position: [0, 0.5, 0.25], orientation: [0, 0, 0.6, 0.8], position_tolerance: 2e-3}
+  - {id: turned, position: [0, 0.5, 0.2], orientation: [0, 0, 0.6, 0.8], position_tolerance: 2e-3}
   - {position: [0, 0, 1], orientation: [1, 0, 0, 0], free_axis: true, orientation_tolerance_deg: 1}
-design: {dof: 5, order: 1, joint_limits_deg: [-150, 150], bounds: {a: [0, 2], alpha_deg: [-90, 90]}}
+design:
+  {dof: 5, order: 1, joint_limits_deg: [-150, 150], bounds: {a: [0, 2], alpha_deg: [-90, 90]}}
 """
 
 

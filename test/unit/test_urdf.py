@@ -34,7 +34,8 @@ ARM = """<?xml version="1.0" encoding="UTF-8"?>
     <limit effort="1" velocity="3"/>
   </joint>
   <joint name="lift" type="prismatic">
-    <parent link="upper"/><child link="slider"/><origin xyz="0 0.2 0" rpy="0.3 0 0"/><axis xyz="0 -1 0"/>
+    <parent link="upper"/><child link="slider"/><origin xyz="0 0.2 0" rpy="0.3 0 0"/>
+    <axis xyz="0 -1 0"/>
     <limit lower="-0.1" upper="0.4" effort="1" velocity="0.5"/>
   </joint>
   <joint name="turn" type="revolute">
@@ -182,7 +183,7 @@ REFUSED = {
         'wrist',
         'type="continuous"',
         'type="floating"',
-        r"joint 'roll': has 6 deg",
+        r"'roll': has 6 deg",
     ),
     'limits swapped': (None, 'wrist', 'lower="-2" upper="1.5"', 'lower="2" upper="1.5"', r'turn'),
     'not xml': (
