@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 
 from nav_msgs.msg import Path
 from rclpy.parameter import Parameter
@@ -18,6 +19,7 @@ from ft_manip_interfaces.msg import Task as TaskMessage
 from ft_manip_ros.core.errors import InputError
 from ft_manip_ros.core.planning.executive import Decision, Executive, ExecutiveSettings
 from ft_manip_ros.core.planning.plan import Plan
+from ft_manip_ros.core.planning.proof import Proof, needs_proof, prove
 from ft_manip_ros.core.planning.settings import PlanSettings, Policy, Relaxation
 from ft_manip_ros.core.planning.warm_up import warm_up
 from ft_manip_ros.nodes import topics
@@ -36,6 +38,8 @@ from ft_manip_ros.nodes.process import run
 TASK_PLAN = 'replanner/task_plan'  # RecoveryPlan for the healthy arm, latched
 TOOL_PATH = 'replanner/path'  # nav_msgs/Path, latched
 
+_PROOF_POLL = 0.02  # s
+
 PARAMETERS = (
     *ARM_PARAMETERS,
     ParameterSpec(
@@ -53,6 +57,14 @@ PARAMETERS = (
     ),
     ParameterSpec('postures', 8, 'Postures to look for per goal.', '', 1, 64),
     ParameterSpec('attempts', 24, 'Solver starts per goal.', '', 1, 10_000),
+    ParameterSpec(
+        'proof_boxes',
+        50_000,
+        'Branch-and-bound boxes per goal to prove it lost, after the plan has left.',
+        '',
+        1,
+        100_000_000,
+    ),
     ParameterSpec('dwell', 0.2, 'Rest at each goal.', 's', 0.0, 60.0),
     ParameterSpec(
         'rate_scale',
@@ -109,6 +121,7 @@ class Replanner(ManagedNode):
             accepted=frozenset(_relaxation(name) for name in self.param('accepted_relaxations')),
             postures=self.param('postures'),
             attempts=self.param('attempts'),
+            proof_boxes=self.param('proof_boxes'),
             dwell=self.param('dwell'),
             rate_scale=self.param('rate_scale'),
             jerk_time=self.param('jerk_time'),
@@ -132,6 +145,10 @@ class Replanner(ManagedNode):
             MarkerArray, topics.markers('replanner'), topics.LATCHED_QOS
         )
         self._paths = self.advertise(Path, TOOL_PATH, topics.LATCHED_QOS)
+        # Proofs take long and hold no lock: they run beside the callbacks.
+        self._prover = ThreadPoolExecutor(max_workers=1)
+        self._proof: tuple[Decision, Header, Future[Proof]] | None = None
+        self.every(_PROOF_POLL, self._on_proof_timer)
         self.subscribe(JointState, topics.JOINT_STATES, self._on_joint_state, topics.SENSOR_QOS)
         self.subscribe(TaskMessage, topics.TASK, self._on_task, topics.LATCHED_QOS)
         self.subscribe(FaultState, topics.FAULT_STATE, self._on_fault_state, topics.LATCHED_QOS)
@@ -139,6 +156,19 @@ class Replanner(ManagedNode):
     def warm_up(self) -> None:
         """Compile what a fault will need."""
         warm_up(self._chain, self._settings)
+
+    def release(self) -> None:
+        """End the thread that proves."""
+        if hasattr(self, '_prover'):
+            self._prover.shutdown(wait=False, cancel_futures=True)
+
+    def _on_proof_timer(self) -> None:
+        if self._proof is None or not self._proof[2].done():
+            return
+        decision, header, future = self._proof
+        self._proof = None
+        arrived = time.monotonic()
+        self._carry_out(self._executive.on_proof(decision, future.result()), header, arrived)
 
     def _on_joint_state(self, message: JointState) -> None:
         arrived = time.monotonic()
@@ -181,7 +211,7 @@ class Replanner(ManagedNode):
             return
         task = self._executive.task
         report = plan_to_message(decision.plan, task.name if task else '', header, decision.stamp)
-        if decision.plan.trajectory is not None:
+        if decision.plan.trajectory is not None and not decision.restated:
             self._trajectories.publish(report.trajectory)
         report.compute_time = time.monotonic() - arrived
         (self._plans if decision.degraded else self._task_plans).publish(report)
@@ -190,6 +220,9 @@ class Replanner(ManagedNode):
             goal_markers(decision.plan, self._frame, self.get_clock().now().to_msg())
         )
         self._paths.publish(tool_path(self._chain, decision.plan, self._frame, decision.stamp))
+        if needs_proof(decision.plan) and not decision.restated:
+            future = self._prover.submit(prove, self._chain, decision.plan, self._settings)
+            self._proof = (decision, header, future)
 
     def _tell(self, plan: Plan, cause: str, took: float) -> None:
         self.get_logger().info(

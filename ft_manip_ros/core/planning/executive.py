@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from ft_manip_ros.core.chain import Array, SerialChain
 from ft_manip_ros.core.errors import InputError
 from ft_manip_ros.core.goal import Goal, Task
 from ft_manip_ros.core.planning.plan import Plan
+from ft_manip_ros.core.planning.proof import Proof
 from ft_manip_ros.core.planning.replan import plan_task
 from ft_manip_ros.core.planning.reporting import tool_errors
 from ft_manip_ros.core.planning.settings import PlanSettings
@@ -53,12 +54,15 @@ class Decision:
         What made it necessary, one clause.
     degraded
         False for the plan of the healthy arm.
+    restated
+        True where the motion is under way already and only its report has become better known.
     """
 
     plan: Plan
     stamp: int
     cause: str
     degraded: bool
+    restated: bool = False
 
 
 @dataclass(frozen=True)
@@ -78,6 +82,7 @@ class _Progress:
     remaining: list[int]
     arrivals: dict[int, int] = field(default_factory=dict)
     goals: dict[int, Goal] = field(default_factory=dict)
+    hints: dict[int, Array] = field(default_factory=dict)
 
 
 class Executive:
@@ -110,6 +115,7 @@ class Executive:
         self._progress: _Progress | None = None
         self._waiting: str | None = None
         self._retries = 0
+        self._latest: Decision | None = None
 
     @property
     def task(self) -> Task | None:
@@ -198,6 +204,23 @@ class Executive:
         self._retries = 0
         return self._decide(cause or 'a frozen position was corrected', now=stamp)
 
+    def on_proof(self, decision: Decision, proof: Proof) -> Decision | None:
+        """Take in what `prove` made of the plan of a decision.
+
+        Returns the decision with its better report, or a new one where postures were found that
+        the plan had missed; None where nothing changed, or the decision has been overtaken.
+        """
+        if decision is not self._latest:
+            return None
+        if proof.found and self._progress is not None:
+            self._progress.hints.update(proof.found)
+            names = [self._progress.task.goals[i].id or f'goal {i}' for i in proof.found]
+            return self._decide(f'postures were found for {", ".join(names)}')
+        if proof.plan.outcomes == decision.plan.outcomes:
+            return None
+        self._latest = replace(decision, plan=proof.plan, restated=True)
+        return self._latest
+
     def _of_arm(self, values: Mapping[str, float]) -> Array:
         """The arm's joints, (n,), out of values by name."""
         names = self.chain.joint_names
@@ -261,6 +284,7 @@ class Executive:
             start=q,
             start_velocity=self._velocity(),
             settings=self.planning,
+            hints=progress.hints,
             halt=f'{", ".join(self._runaway)} runs away' if self._runaway else '',
         )
         progress.arrivals, progress.goals = {}, {}
@@ -268,7 +292,8 @@ class Executive:
             if outcome.has_posture:
                 progress.arrivals[outcome.index] = stamp + round(outcome.arrival * _SECOND)
                 progress.goals[outcome.index] = outcome.target
-        return Decision(plan, stamp, cause, bool(self.frozen))
+        self._latest = Decision(plan, stamp, cause, bool(self.frozen))
+        return self._latest
 
     def _velocity(self) -> Array:
         """Measured joint speeds, (n,), or those fitted to the latest positions."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ft_manip_ros.core.chain import FULL_TURN, Array, SerialChain
+from ft_manip_ros.core.chain import FULL_TURN, Array, ChainArrays, SerialChain
 
 # A range this much beyond one turn is a real range with two ends, not a wrapping joint.
 _BEYOND_A_TURN = 1e-3
@@ -84,6 +84,11 @@ def motion_limits(chain: SerialChain, *, operating: bool, jerk_time: float) -> M
         chain.acceleration,
         chain.acceleration / jerk_time,
     )
+
+
+def arrays_within(chain: SerialChain, limits: MotionLimits) -> ChainArrays:
+    """Return the arm as kernels read it, with the limits to obey."""
+    return chain.arrays._replace(lower=limits.lower, upper=limits.upper, wraps=limits.turns)
 
 
 def travel(start: Array, end: Array, unlimited: NDArray[np.bool_]) -> Array:

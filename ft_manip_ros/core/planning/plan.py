@@ -96,6 +96,8 @@ class Plan:
         In task order.
     trajectory
         Checked, over all joints, frozen ones held; None where nothing is to be sent.
+    why_not
+        Why goals with known postures are not visited, if that is so.
     """
 
     status: PlanStatus
@@ -104,3 +106,4 @@ class Plan:
     sigma: Mapping[str, float]
     outcomes: tuple[GoalOutcome, ...]
     trajectory: Trajectory | None = None
+    why_not: str = ''

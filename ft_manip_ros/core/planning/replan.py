@@ -7,10 +7,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ft_manip_ros.core.chain import Array, ChainArrays, SerialChain
+from ft_manip_ros.core.chain import Array, SerialChain
 from ft_manip_ros.core.errors import InputError
 from ft_manip_ros.core.goal import Goal
-from ft_manip_ros.core.planning.limits import MotionLimits, motion_limits
+from ft_manip_ros.core.planning.limits import arrays_within, motion_limits
 from ft_manip_ros.core.planning.plan import Plan, PlanStatus
 from ft_manip_ros.core.planning.reporting import describe, outcome_of
 from ft_manip_ros.core.planning.route import Route, plan_route, stop_route
@@ -30,6 +30,7 @@ def plan_task(
     start_velocity: Array,
     settings: PlanSettings,
     halt: str = '',
+    hints: Mapping[int, Array] | None = None,
 ) -> Plan:
     """Decide what becomes of the remaining goals and make the motion that visits them.
 
@@ -52,6 +53,8 @@ def plan_task(
         Measured state of all joints.
     halt
         Why to stop whatever the policy says; goals are judged all the same.
+    hints
+        Postures, (n,), to start from besides others, by place of the goal.
 
     Raises
     ------
@@ -75,7 +78,7 @@ def plan_task(
     stopping = stop_route(start[healthy], start_velocity[healthy], hard, settings)
     here = start.copy()
     here[healthy] = stopping.motion.positions[-1]
-    findings = triage(_within(chain, limits), rod, mask, goals, here, settings)
+    findings = triage(arrays_within(chain, limits), rod, mask, goals, here, settings, hints or {})
     chosen, why_not = ([], halt) if halt else _to_visit(findings, bool(frozen), settings)
     route = stopping
     if chosen:
@@ -99,13 +102,14 @@ def plan_task(
     if problems:
         status, reason = PlanStatus.REFUSED, f'the trajectory is unsafe: {"; ".join(problems)}'
     return Plan(
-        status, reason, dict(frozen), dict(sigma), outcomes, None if problems else trajectory
+        status,
+        reason,
+        dict(frozen),
+        dict(sigma),
+        outcomes,
+        None if problems else trajectory,
+        why_not,
     )
-
-
-def _within(chain: SerialChain, limits: MotionLimits) -> ChainArrays:
-    """The arm as kernels read it, with the limits to obey."""
-    return chain.arrays._replace(lower=limits.lower, upper=limits.upper, wraps=limits.turns)
 
 
 def _to_visit(

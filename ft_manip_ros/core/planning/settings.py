@@ -42,6 +42,8 @@ class PlanSettings:
         Solver starts per goal before the search for postures ends.
     ik_tolerance, ik_orientation_tolerance
         Accuracy of the postures (m, rad); each goal's own tolerance decides what counts.
+    proof_boxes
+        Branch-and-bound boxes per goal to prove it lost, after the plan has left.
     dwell
         Rest at each goal (s).
     rate_scale
@@ -63,6 +65,7 @@ class PlanSettings:
     attempts: int = 24
     ik_tolerance: float = 1e-6
     ik_orientation_tolerance: float = 1e-6
+    proof_boxes: int = 50_000
     dwell: float = 0.2
     rate_scale: float = 0.95
     jerk_time: float = 0.1
@@ -81,7 +84,7 @@ class PlanSettings:
         for key in ('dwell', 'limit_weight', 'seed'):
             if getattr(self, key) < 0:
                 raise InputError(f'planning: {key}', f'is {getattr(self, key)}; must be >= 0')
-        for key in ('postures', 'attempts'):
+        for key in ('postures', 'attempts', 'proof_boxes'):
             if getattr(self, key) < 1:
                 raise InputError(f'planning: {key}', f'is {getattr(self, key)}; must be >= 1')
         if not 0.0 < self.rate_scale <= 1.0:

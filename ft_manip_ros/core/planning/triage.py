@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -59,6 +59,7 @@ def triage(
     goals: Sequence[tuple[int, Goal]],
     here: Array,
     settings: PlanSettings,
+    hints: Mapping[int, Array],
 ) -> list[Finding]:
     """Judge goals in order; each search starts from the postures found for the goal before.
 
@@ -73,11 +74,14 @@ def triage(
         With their places in the original task.
     here : shape (n,)
         Where the arm stands, or will once it has stopped.
+    hints
+        Postures, (n,), to start from besides others, by place of the goal.
     """
     near = here[None, :]
     findings = []
     for index, goal in goals:
-        finding = _judge(chain, rod, frozen, index, goal, near, settings)
+        starts = np.vstack([near, hints[index]]) if index in hints else near
+        finding = _judge(chain, rod, frozen, index, goal, starts, settings)
         findings.append(finding)
         if len(finding.postures.q):
             near = np.vstack([finding.postures.q[: settings.postures // 2 + 1], here])

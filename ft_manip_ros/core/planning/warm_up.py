@@ -6,9 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from ft_manip_ros.core.chain import SerialChain
+from ft_manip_ros.core.chain import Array, SerialChain
 from ft_manip_ros.core.goal import Goal
 from ft_manip_ros.core.kinematics import fk
+from ft_manip_ros.core.planning.plan import GoalOutcome, Outcome, Plan, PlanStatus
+from ft_manip_ros.core.planning.proof import prove
 from ft_manip_ros.core.planning.replan import plan_task
 from ft_manip_ros.core.planning.settings import PlanSettings
 
@@ -24,6 +26,7 @@ def warm_up(chain: SerialChain, settings: PlanSettings) -> None:
     goals.append(Goal(goals[1].position))
     first = chain.joint_names[0]
     cases: tuple[dict[str, float], ...] = ({}, {first: float(middle[0])})
+    prove(chain, _undecided(chain, middle), replace(settings, proof_boxes=2))
     for frozen in cases:
         plan_task(
             chain,
@@ -34,3 +37,11 @@ def warm_up(chain: SerialChain, settings: PlanSettings) -> None:
             start_velocity=np.where(np.arange(chain.n) == 0, 0.0, 0.1 * chain.velocity),
             settings=settings,
         )
+
+
+def _undecided(chain: SerialChain, q: Array) -> Plan:
+    """Return a plan with one open goal, for `prove` to compile itself on."""
+    goal = Goal(fk(chain, q)[1])
+    nan = float('nan')
+    outcome = GoalOutcome(goal, 0, Outcome.UNDECIDED, '', '', 1.0, nan, 0.0, nan, goal)
+    return Plan(PlanStatus.HALTED, '', {}, {}, (outcome,))

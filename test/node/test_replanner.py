@@ -1,0 +1,231 @@
+"""The re-planner and the simulated arm over DDS: tasks are finished although joints lock."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory
+
+from ft_manip_interfaces.msg import FaultState, JointFault, RecoveryPlan, TaskGoal
+from ft_manip_interfaces.msg import Task as TaskMessage
+from ft_manip_interfaces.srv import InjectFault
+from ft_manip_ros.core.arm_file import load_arm, load_dh, save_dh
+from ft_manip_ros.core.kinematics import fk
+from ft_manip_ros.core.task_file import load_task
+from ft_manip_ros.nodes import topics
+from ft_manip_ros.nodes.conversions import nanoseconds, task_to_message
+from ft_manip_ros.nodes.replanner import TASK_PLAN
+
+pytestmark = pytest.mark.node
+
+
+@pytest.fixture(scope='module')
+def arm_path(tmp_path_factory):
+    """A copy of Table 3 with drives fast enough for a test."""
+    table = load_dh('paredis_table_3')
+    joints = tuple(replace(joint, velocity=3.0, acceleration=12.0) for joint in table.joints)
+    path = tmp_path_factory.mktemp('arm') / 'fast.yaml'
+    save_dh(replace(table, joints=joints), path)
+    return str(path)
+
+
+class Rig:
+    """arm_sim and replanner as processes, and the probe that plays the fault monitor."""
+
+    def __init__(self, start_node, probe, arm_path, **params):
+        self.probe = probe
+        self.chain = load_arm(arm_path)
+        fk(self.chain, np.zeros((1, self.chain.n)))  # compiled now, not while samples go by
+        self.sim = start_node('arm_sim', params={'arm': arm_path})
+        self.node = start_node('replanner', params={'arm': arm_path, 'dwell': 0.4, **params})
+        self.states = probe.listen(JointState, topics.JOINT_STATES, topics.SENSOR_QOS)
+        self.commands = probe.listen(JointTrajectory, topics.JOINT_TRAJECTORY, topics.COMMAND_QOS)
+        self.plans = probe.listen(RecoveryPlan, topics.RECOVERY_PLAN, topics.LATCHED_QOS)
+        self.task_plans = probe.listen(RecoveryPlan, TASK_PLAN, topics.LATCHED_QOS)
+        self.tasks = probe.publisher(TaskMessage, topics.TASK, topics.LATCHED_QOS)
+        self.faults = probe.publisher(FaultState, topics.FAULT_STATE, topics.LATCHED_QOS)
+        self.node.wait_for('active', 120.0)
+        probe.until(lambda: self.states, 30.0, 'a joint state')
+
+    def send_task(self, task):
+        before = len(self.task_plans)
+        self.tasks.publish(task_to_message(task, self.now(), 'base'))
+        self.probe.until(lambda: len(self.task_plans) > before, 10.0, 'a plan for the task')
+        return self.task_plans[-1]
+
+    def now(self):
+        return self.probe.node.get_clock().now().nanoseconds
+
+    def position(self):
+        return np.array(self.states[-1].position)
+
+    def inject(self, name, kind, at=None):
+        """Let a joint fail or work again, ``at`` a time (ns) or now; return where it stands."""
+        delay = 0.0 if at is None else max(0.0, (at - self.now()) * 1e-9)
+        request = InjectFault.Request(joint=name, kind=kind, delay=delay)
+        answer = self.probe.call(InjectFault, topics.INJECT_FAULT, request)
+        assert answer.success, answer.message
+        # Where it stands is what the joint states say once it does.
+        after = nanoseconds(answer.stamp) + 30_000_000
+        k = self.chain.index(name)
+
+        def seen():
+            late = [s for s in self.states[-200:] if nanoseconds(s.header.stamp) > after]
+            return [s.position[k] for s in late] if len(late) > 5 else None
+
+        return float(np.median(self.probe.until(seen, 20.0, 'joint states after the fault')))
+
+    def declare(self, **frozen):
+        """Publish what a fault monitor would after these joints locked."""
+        message = FaultState(
+            frozen_joints=list(frozen),
+            frozen_positions=list(frozen.values()),
+            joints=[
+                JointFault(
+                    name=name,
+                    state=JointFault.LOCKED,
+                    frozen_position=at,
+                    frozen_position_sigma=1e-5,
+                )
+                for name, at in frozen.items()
+            ],
+        )
+        message.header.stamp = self.states[-1].header.stamp
+        self.faults.publish(message)
+
+    def plan_after(self, **frozen):
+        before = len(self.plans)
+        self.declare(**frozen)
+        self.probe.until(lambda: len(self.plans) > before, 10.0, 'a plan')
+        return self.plans[-1]
+
+    def reaches(self, goal, since=0, timeout=20.0):
+        """Wait until the tool was at a goal in any state from number ``since`` on."""
+
+        def there():
+            qs = np.array([state.position for state in self.states[since:]])
+            if not len(qs):
+                return False
+            _, tools = fk(self.chain, qs)
+            return np.linalg.norm(tools - goal.position, axis=1).min() < 1e-3
+
+        try:
+            self.probe.until(there, timeout, f'the tool at {goal.position}')
+        except AssertionError as error:
+            raise AssertionError(f'{error}\n{self.node.output}\n{self.sim.output}') from None
+
+
+@pytest.fixture
+def rig(start_node, probe, arm_path):
+    return Rig(start_node, probe, arm_path)
+
+
+def test_each_joint_locks_and_the_task_is_finished(rig):
+    task = load_task('paredis_eq_11')
+    for name in rig.chain.joint_names:
+        plan = rig.send_task(task)
+        assert plan.status == RecoveryPlan.FINISHES
+        assert not plan.frozen_joints
+        # On the way from the first goal to the second.
+        start = nanoseconds(plan.trajectory.header.stamp)
+        lock_at = start + round((plan.goals[0].arrival + 0.6) * 1e9)
+        at = rig.inject(name, InjectFault.Request.LOCK, lock_at)
+        since = len(rig.states)
+        plan = rig.plan_after(**{name: at})
+        assert plan.status == RecoveryPlan.FINISHES, plan.reason
+        assert list(plan.frozen_joints) == [name]
+        remaining = [goal.index for goal in plan.goals]
+        assert 2 in remaining
+        assert 0 not in remaining
+        assert 0.0 < plan.compute_time < 1.0
+        k = rig.chain.index(name)
+        points = np.array([point.positions for point in plan.trajectory.points])
+        assert np.ptp(points[:, k]) == 0.0
+        assert points[0, k] == at
+        assert rig.probe.until(lambda: rig.commands, 5.0, 'a command')[-1] == plan.trajectory
+        for index in remaining:
+            rig.reaches(task.goals[index], since)
+        assert abs(rig.position()[k] - at) < 5e-4
+        rig.inject(name, InjectFault.Request.RELEASE)
+        rig.declare()
+        rig.probe.spin_for(0.2)
+
+
+def test_a_second_failure_is_planned_for_again(rig):
+    task = load_task('paredis_eq_11')
+    rig.send_task(task)
+    rig.probe.spin_for(0.3)
+    first = rig.inject('joint_1', InjectFault.Request.LOCK)
+    plan = rig.plan_after(joint_1=first)
+    assert [goal.index for goal in plan.goals] == [0, 1, 2]
+    rig.probe.spin_for(0.3)
+    second = rig.inject('joint_5', InjectFault.Request.LOCK)
+    plan = rig.plan_after(joint_1=first, joint_5=second)
+    assert list(plan.frozen_joints) == ['joint_1', 'joint_5']
+    points = np.array([point.positions for point in plan.trajectory.points])
+    assert np.all(points[:, 0] == first)
+    assert np.all(points[:, 4] == second)
+    for report in plan.goals:
+        assert report.outcome in (report.REACHABLE, report.LOST, report.UNDECIDED)
+        if report.outcome == report.REACHABLE:
+            rig.reaches(task.goals[report.index])
+    # The state did not change: nothing is planned again.
+    count = len(rig.plans)
+    rig.declare(joint_1=first, joint_5=second)
+    rig.probe.spin_for(0.5)
+    assert len(rig.plans) == count
+
+
+def test_policy_halt_stops_the_arm(start_node, probe, arm_path):
+    rig = Rig(start_node, probe, arm_path, policy='halt')
+    rig.send_task(load_task('paredis_eq_11'))
+    rig.probe.spin_for(0.4)
+    at = rig.inject('joint_3', InjectFault.Request.LOCK)
+    plan = rig.plan_after(joint_3=at)
+    assert plan.status == RecoveryPlan.HALTED
+    assert 'policy' in plan.reason
+    assert all(not goal.positions for goal in plan.goals)
+    rig.probe.spin_for(1.0)
+    stood = rig.position()
+    rig.probe.spin_for(0.5)
+    assert np.abs(rig.position() - stood).max() < 5e-4
+
+
+def test_garbage_is_named_and_the_node_lives(rig):
+    states = rig.probe.publisher(JointState, topics.JOINT_STATES, topics.SENSOR_QOS)
+    names = list(rig.chain.joint_names)
+    for message, complaint in (
+        (JointState(name=names, position=[math.nan] * 5), 'NaN'),
+        (JointState(name=names, position=[0.0] * 3), 'has 3 values, 5 names'),
+        (JointState(name=['wrist'], position=[0.0]), 'joint_1, joint_2'),
+    ):
+        message.header.stamp = rig.probe.node.get_clock().now().to_msg()
+        rig.probe.spin_for(1.1)
+        states.publish(message)
+        rig.probe.spin_for(0.1)
+        rig.node.wait_for(complaint, 5.0)
+    bad_goal = TaskGoal()
+    bad_goal.pose.position.x = math.nan
+    for task, complaint in (
+        (TaskMessage(name='empty'), 'no goals'),
+        (TaskMessage(name='bad', goals=[bad_goal]), 'three finite numbers'),
+    ):
+        rig.probe.spin_for(1.1)
+        rig.tasks.publish(task)
+        rig.node.wait_for(complaint, 5.0)
+    for fault, complaint in (
+        (FaultState(frozen_joints=['wrist'], frozen_positions=[0.0]), 'wrist'),
+        (FaultState(frozen_joints=['joint_1'], frozen_positions=[math.nan]), 'must be finite'),
+        (FaultState(frozen_joints=['joint_1']), 'one position each'),
+    ):
+        rig.probe.spin_for(1.1)
+        rig.faults.publish(fault)
+        rig.node.wait_for(complaint, 5.0)
+    assert not rig.commands
+    task = load_task('paredis_eq_11')
+    assert rig.send_task(task).status == RecoveryPlan.FINISHES
+    rig.reaches(task.goals[0], len(rig.states))
