@@ -26,11 +26,14 @@ from numpy.typing import NDArray
 
 from ft_manip_ros.core.chain import Array, ChainArrays
 from ft_manip_ros.core.ftws.local_model import LocalModel, hessian, make_model, third_order_bound
+from ft_manip_ros.core.ftws.posture import cholesky_solve, limit_push
 from ft_manip_ros.core.ftws.task_map import TaskArrays
 
 # Every bound is inflated by these for rounding: see docs/ftws.md.
 RELATIVE_ROUNDING = 1e-9
 ABSOLUTE_ROUNDING = 1e-12
+# Step along the self-motion per unit of gradient (rad).
+SELF_MOTION_GAIN = 1.0
 
 
 class Scratch(NamedTuple):
@@ -40,8 +43,10 @@ class Scratch(NamedTuple):
     weights: Array  # (n,)
     gram: Array  # (m, m)
     inverse: Array  # (n, m), A with zero rows for frozen joints
-    directions: Array  # (k+1, n), D_0, D_1, then the other tangents
-    kept: Array  # (3, n), posture, D_0 and D_1 of the piece accepted last
+    tensor: Array  # (m, n, n), second derivatives
+    directions: Array  # (k+1+m, n), D_0, D_1, the other tangents, then the columns of A
+    curved: Array  # (m, k+1+m, n), the tensor times each direction
+    kept: Array  # (4, n), of the piece accepted last: posture, D_0, D_1, self-motion to take
     trial: Array  # (n,)
     reach: Array  # (n,), |A_i|
     box: Array  # (n,)
@@ -60,8 +65,10 @@ def make_scratch(n: int, m: int, k: int) -> Scratch:
         np.zeros(n),
         np.zeros((m, m)),
         np.zeros((n, m)),
-        np.zeros((k + 1, n)),
-        np.zeros((3, n)),
+        np.zeros((m, n, n)),
+        np.zeros((k + 1 + m, n)),
+        np.zeros((m, k + 1 + m, n)),
+        np.zeros((4, n)),
         np.zeros(n),
         np.zeros(n),
         np.zeros(n),
@@ -91,6 +98,7 @@ def build(chain: ChainArrays, task: TaskArrays, combo: NDArray[np.int64], s: Scr
     jacobian, inverse, d = s.model.jacobian, s.inverse, s.directions
     m, n = jacobian.shape
     k = combo.shape[0]
+    hessian(chain, task, s.model, s.tensor)
     for j in range(k):
         row = 0 if j == 0 else j + 1
         for i in range(n):
@@ -99,13 +107,21 @@ def build(chain: ChainArrays, task: TaskArrays, combo: NDArray[np.int64], s: Scr
                 value -= inverse[i, a] * jacobian[a, combo[j]]
             d[row, i] = value
         d[row, combo[j]] = 1.0
-    hessian(chain, task, s.model, d[0], d[0], s.buffer)
+    for a in range(m):
+        for i in range(n):
+            d[k + 1 + a, i] = inverse[i, a]
+    _bend(s, 0)
+    for a in range(m):
+        value = 0.0
+        for i in range(n):
+            value += s.curved[a, 0, i] * d[0, i]
+        s.buffer[a] = value
     for i in range(n):
         value = 0.0
         for a in range(m):
             value -= 0.5 * inverse[i, a] * s.buffer[a]
         d[1, i] = value
-    # What the directions miss of their first-order purpose, by rounding.
+    # What rounding leaves of the residual along the directions, to first order.
     for row in range(k + 1):
         total = 0.0
         for a in range(m):
@@ -122,30 +138,93 @@ def build(chain: ChainArrays, task: TaskArrays, combo: NDArray[np.int64], s: Scr
                 value += jacobian[a, i] * inverse[i, b]
             total += value * value
     s.constants[1] = math.sqrt(total)
+    for row in range(1, k + 1 + m):
+        _bend(s, row)
     for row in range(k + 1):
         for col in range(row + 1):
-            if row == 0:
-                s.pairs[0, 0] = 0.0
-                continue
-            hessian(chain, task, s.model, d[row], d[col], s.buffer)
-            s.pairs[row, col] = norm_of(s.buffer)
-            s.pairs[col, row] = s.pairs[row, col]
+            s.pairs[row, col] = s.pairs[col, row] = math.sqrt(_square(s, row, col))
         total = 0.0
         for a in range(m):
-            hessian(chain, task, s.model, d[row], inverse[:, a], s.buffer)
-            for b in range(m):
-                total += s.buffer[b] * s.buffer[b]
+            total += _square(s, row, k + 1 + a)
         s.mixed[row] = math.sqrt(total)
+    s.pairs[0, 0] = 0.0  # cancelled by D_1, but for its defect
     total = 0.0
     for a in range(m):
         for b in range(a + 1):
-            hessian(chain, task, s.model, inverse[:, a], inverse[:, b], s.buffer)
-            weight = 1.0 if a == b else 2.0
-            for c in range(m):
-                total += weight * s.buffer[c] * s.buffer[c]
+            total += (1.0 if a == b else 2.0) * _square(s, k + 1 + a, k + 1 + b)
     s.constants[0] = math.sqrt(total)
     for i in range(n):
         s.reach[i] = norm_of(inverse[i])
+
+
+@njit(cache=True, nogil=True)
+def _bend(s: Scratch, row: int) -> None:
+    """Multiply the tensor by one direction."""
+    m, n = s.tensor.shape[0], s.tensor.shape[1]
+    for a in range(m):
+        for i in range(n):
+            value = 0.0
+            for c in range(n):
+                value += s.tensor[a, i, c] * s.directions[row, c]
+            s.curved[a, row, i] = value
+
+
+@njit(cache=True, nogil=True)
+def _square(s: Scratch, row: int, col: int) -> float:
+    """Return ``|H[D_row, D_col]|^2``; the tensor times ``D_row`` is in the scratch."""
+    total = 0.0
+    for a in range(s.tensor.shape[0]):
+        value = 0.0
+        for i in range(s.tensor.shape[1]):
+            value += s.curved[a, row, i] * s.directions[col, i]
+        total += value * value
+    return total
+
+
+@njit(cache=True, nogil=True)
+def self_motion(
+    chain: ChainArrays, q: Array, is_free: NDArray[np.bool_], cap: float, s: Scratch, out: Array
+) -> None:
+    """Step within the self-motion, at most ``cap`` long, that lets pieces grow.
+
+    A piece's width is governed by how fast the free joints follow the frozen one, so this
+    descends ``1/2 t^T W^-1 t`` for the tangent t, whose derivative along z is
+    ``-lambda . H[z, D_0]`` with ``t = W J^T lambda``; the weights' own derivative keeps away from
+    the limits. Expects the scratch of `build`.
+    """
+    m, n = s.model.jacobian.shape
+    # lambda = (J W J^T)^-1 J t
+    for a in range(m):
+        value = 0.0
+        for i in range(n):
+            if is_free[i]:
+                value += s.model.jacobian[a, i] * s.directions[0, i]
+        s.buffer[a] = value
+    cholesky_solve(s.gram, s.buffer)
+    for i in range(n):
+        out[i] = 0.0
+        if not is_free[i]:
+            continue
+        value = 0.0
+        for a in range(m):
+            value += s.buffer[a] * s.curved[a, 0, i]
+        if not chain.wraps[i]:
+            value += limit_push(chain.lower[i], chain.upper[i], q[i]) * s.directions[0, i] ** 2
+        out[i] = value
+    # Project on the null space: z - A J z.
+    for a in range(m):
+        value = 0.0
+        for i in range(n):
+            value += s.model.jacobian[a, i] * out[i]
+        s.buffer[a] = value
+    total = 0.0
+    for i in range(n):
+        for a in range(m):
+            out[i] -= s.inverse[i, a] * s.buffer[a]
+        total += out[i] * out[i]
+    scale = min(SELF_MOTION_GAIN, cap / math.sqrt(total)) if total > 0.0 else 0.0
+    for i in range(n):
+        out[i] *= scale
 
 
 @njit(cache=True, nogil=True)
@@ -197,21 +276,23 @@ def holds(
     start : float
         ``|r0|`` plus the radius of the ball of goals to prove (m), rounding included.
     """
-    rho = start
-    for _ in range(12):
+    rho = before = start
+    wanted = 0.0
+    for step in range(12):
+        last = wanted
         wanted = start + error_bound(chain, task, halves, rho, s)
         for i in range(q.shape[0]):
             if is_free[i] and not chain.wraps[i]:
-                if (
-                    q[i] - s.box[i] < chain.lower[i] or q[i] + s.box[i] > chain.upper[i]
-                ):
+                if q[i] - s.box[i] < chain.lower[i] or q[i] + s.box[i] > chain.upper[i]:
                     return -1.0
         if wanted <= rho:
             return rho
-        if not wanted < 4.0 * task.length:
+        # The bound is convex in rho: extrapolate its secant to the fixed point, and beyond.
+        slope = 0.2 if step == 0 else max((wanted - last) / (rho - before), 0.0)
+        if slope >= 0.95 or not wanted < 4.0 * task.length:
             return -1.0
-        # Overshoot, since the map is convex and creeps towards its fixed point from below.
-        rho = wanted + 0.3 * (wanted - rho) if rho > start else wanted
+        before = rho
+        rho += 1.15 * (wanted - rho) / (1.0 - slope)
     return -1.0
 
 

@@ -12,6 +12,7 @@ from ft_manip_ros.core.ftws.certify import (
     Scratch,
     build,
     norm_of,
+    self_motion,
     slack,
     widest,
 )
@@ -53,7 +54,8 @@ def certify_at(
 
 
 @njit(cache=True, nogil=True)
-def _keep(q: Array, s: Scratch) -> None:
+def _keep(chain: ChainArrays, q: Array, is_free: NDArray[np.bool_], h: float, s: Scratch) -> None:
+    self_motion(chain, q, is_free, 2.0 * h, s, s.kept[3])
     for i in range(q.shape[0]):
         s.kept[0, i] = q[i]
         s.kept[1, i] = s.directions[0, i]
@@ -123,7 +125,7 @@ def sweep(
     frontier = q[first] + sign * width
     h = width
     rounding = ABSOLUTE_ROUNDING * (1.0 + task.length)
-    _keep(q, s)
+    _keep(chain, q, is_free, width, s)
     if margin[0] > 0.0:
         h = halves[0] = _WITH_MARGIN * width
         frontier = q[first] + sign * h
@@ -138,7 +140,7 @@ def sweep(
             for i in range(n):
                 s.trial[i] = s.kept[0, i]
                 if is_free[i]:
-                    s.trial[i] += delta * (s.kept[1, i] + delta * s.kept[2, i])
+                    s.trial[i] += delta * (s.kept[1, i] + delta * s.kept[2, i]) + s.kept[3, i]
             s.trial[first] = target
             h = certify_at(
                 chain, task, goal, s.trial, is_free, combo, halves, radius, h, smallest, s
@@ -153,7 +155,7 @@ def sweep(
                 break
         if not accepted:
             return frontier
-        _keep(s.trial, s)
+        _keep(chain, s.trial, is_free, h, s)
         frontier = s.kept[0, first] + sign * h
         halves[0] = h
         if margin[0] > 0.0:

@@ -150,59 +150,51 @@ def evaluate(
 
 
 @njit(cache=True, nogil=True)
-def hessian(
-    chain: ChainArrays, task: TaskArrays, model: LocalModel, u: Array, v: Array, out: Array
-) -> None:
-    """Second derivative of the residual along u and v at the evaluated posture, (m,)."""
-    n = u.shape[0]
-    px = py = pz = 0.0  # position part
-    ox = oy = oz = od = 0.0  # sums of z_i x z_k and of z_i . z_k
-    ax = ay = az = 0.0  # sum of u_i z_i before k
-    bx = by = bz = 0.0  # the same for v
-    mo = task.orientation_rows.shape[0]
-    for k in range(n):
-        zx, zy, zz = model.axes[k, 0], model.axes[k, 1], model.axes[k, 2]
-        uk, vk = u[k], v[k]
-        # a x (v_k l_k) + b x (u_k l_k), and half of the diagonal in each
-        revolute = not chain.prismatic[k]
-        half = 0.5 if revolute else 0.0
-        cx = vk * (ax + half * uk * zx) + uk * (bx + half * vk * zx)
-        cy = vk * (ay + half * uk * zy) + uk * (by + half * vk * zy)
-        cz = vk * (az + half * uk * zz) + uk * (bz + half * vk * zz)
-        lx, ly, lz = model.linear[k, 0], model.linear[k, 1], model.linear[k, 2]
-        px += cy * lz - cz * ly
-        py += cz * lx - cx * lz
-        pz += cx * ly - cy * lx
-        if revolute:
-            if mo > 0:
-                ox += cy * zz - cz * zy
-                oy += cz * zx - cx * zz
-                oz += cx * zy - cy * zx
-                od += cx * zx + cy * zy + cz * zz
-            ax += uk * zx
-            ay += uk * zy
-            az += uk * zz
-            bx += vk * zx
-            by += vk * zy
-            bz += vk * zz
+def hessian(chain: ChainArrays, task: TaskArrays, model: LocalModel, out: Array) -> None:
+    """Second derivatives of the residual at the evaluated posture, out (m, n, n)."""
+    n = model.axes.shape[0]
     mp = task.position_rows.shape[0]
-    for row in range(mp):
-        out[row] = (
-            task.position_rows[row, 0] * px
-            + task.position_rows[row, 1] * py
-            + task.position_rows[row, 2] * pz
-        )
-    if mo > 0:
-        w, ex, ey, ez = model.error[0], model.error[1], model.error[2], model.error[3]
-        hx = 0.5 * (w * ox + oy * ez - oz * ey - od * ex)
-        hy = 0.5 * (w * oy + oz * ex - ox * ez - od * ey)
-        hz = 0.5 * (w * oz + ox * ey - oy * ex - od * ez)
-        for row in range(mo):
-            out[mp + row] = task.length * (
-                task.orientation_rows[row, 0] * hx
-                + task.orientation_rows[row, 1] * hy
-                + task.orientation_rows[row, 2] * hz
-            )
+    mo = task.orientation_rows.shape[0]
+    w, ex, ey, ez = model.error[0], model.error[1], model.error[2], model.error[3]
+    for k in range(n):
+        lx, ly, lz = model.linear[k, 0], model.linear[k, 1], model.linear[k, 2]
+        kx, ky, kz = model.axes[k, 0], model.axes[k, 1], model.axes[k, 2]
+        for i in range(k + 1):
+            if chain.prismatic[i]:
+                for row in range(mp + mo):
+                    out[row, i, k] = out[row, k, i] = 0.0
+                continue
+            ax, ay, az = model.axes[i, 0], model.axes[i, 1], model.axes[i, 2]
+            px = ay * lz - az * ly
+            py = az * lx - ax * lz
+            pz = ax * ly - ay * lx
+            for row in range(mp):
+                value = (
+                    task.position_rows[row, 0] * px
+                    + task.position_rows[row, 1] * py
+                    + task.position_rows[row, 2] * pz
+                )
+                out[row, i, k] = out[row, k, i] = value
+            if mo == 0:
+                continue
+            hx = hy = hz = 0.0
+            if not chain.prismatic[k]:
+                # 2 vec(d2 q) = 1/2 vec(z_i z_k q), with q the error's quaternion
+                dot = ax * kx + ay * ky + az * kz
+                cx = ay * kz - az * ky
+                cy = az * kx - ax * kz
+                cz = ax * ky - ay * kx
+                half = 0.5 * task.length
+                hx = half * (w * cx + cy * ez - cz * ey - dot * ex)
+                hy = half * (w * cy + cz * ex - cx * ez - dot * ey)
+                hz = half * (w * cz + cx * ey - cy * ex - dot * ez)
+            for row in range(mo):
+                value = (
+                    task.orientation_rows[row, 0] * hx
+                    + task.orientation_rows[row, 1] * hy
+                    + task.orientation_rows[row, 2] * hz
+                )
+                out[mp + row, i, k] = out[mp + row, k, i] = value
 
 
 @njit(cache=True, nogil=True)

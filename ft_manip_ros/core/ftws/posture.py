@@ -85,6 +85,18 @@ def limit_weights(chain: ChainArrays, q: Array, is_free: NDArray[np.bool_], out:
 
 
 @njit(cache=True, nogil=True)
+def limit_push(lower: float, upper: float, q: float) -> float:
+    """Half the derivative of ``-1 / weight`` of `limit_weights`: away from the nearer limit."""
+    zone = min(_LIMIT_ZONE, 0.5 * (upper - lower))
+    below, above = q - lower, upper - q
+    ratio = min(below, above) / zone
+    if ratio >= 1.0:
+        return 0.0
+    push = 1.0 / (zone * max(ratio, 0.05) ** 3)
+    return push if below < above else -push
+
+
+@njit(cache=True, nogil=True)
 def weighted_inverse(jacobian: Array, weights: Array, gram: Array, inverse: Array) -> bool:
     """Right inverse ``W J^T (J W J^T)^-1`` into ``inverse`` (n, m); False where singular.
 
