@@ -40,6 +40,7 @@ class Observer(ManagedNode):
         self.states: list[JointState] = []
         self.trajectories: list[tuple[int, JointTrajectory]] = []
         self.faults: list[tuple[int, FaultState]] = []
+        self.task_plans: list[tuple[int, RecoveryPlan]] = []
         self.plans: list[tuple[int, RecoveryPlan]] = []
         self.candidates: list[tuple[int, DesignCandidate]] = []
         self.final: DesignCandidate | None = None
@@ -52,6 +53,7 @@ class Observer(ManagedNode):
         for message_type, topic, name, qos in (
             (JointTrajectory, topics.JOINT_TRAJECTORY, 'trajectories', topics.COMMAND_QOS),
             (FaultState, topics.FAULT_STATE, 'faults', topics.LATCHED_QOS),
+            (RecoveryPlan, topics.TASK_PLAN, 'task_plans', topics.LATCHED_QOS),
             (RecoveryPlan, topics.RECOVERY_PLAN, 'plans', topics.LATCHED_QOS),
             (DesignCandidate, topics.DESIGN_CANDIDATES, 'candidates', topics.EVENT_QOS),
         ):

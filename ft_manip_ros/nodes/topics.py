@@ -47,6 +47,7 @@ TASK: Final = 'task'  # ft_manip_interfaces/Task, LATCHED_QOS
 FAULT_STATE: Final = 'fault_state'  # ft_manip_interfaces/FaultState, LATCHED_QOS
 FAULT_EVENTS: Final = 'fault_events'  # ft_manip_interfaces/JointFault, EVENT_QOS
 RECOVERY_PLAN: Final = 'recovery_plan'  # ft_manip_interfaces/RecoveryPlan, LATCHED_QOS
+TASK_PLAN: Final = 'replanner/task_plan'  # RecoveryPlan of the healthy arm, LATCHED_QOS
 DESIGN_CANDIDATES: Final = 'design/candidates'  # DesignCandidate, EVENT_QOS
 DESIGN_BEST: Final = 'design/best'  # DesignCandidate, LATCHED_QOS
 DESIGN_FINAL: Final = 'design/final'  # DesignCandidate, LATCHED_QOS
