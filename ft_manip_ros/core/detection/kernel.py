@@ -177,7 +177,7 @@ def _note_jerk(r: Any, t: float, missing: float) -> None:
 def _sluggish(r: Any, t: float) -> int:
     if r.jerks >= _JERKS_MANY and t - r.last_jerk < _JERK_MEMORY:
         return _JERKS
-    if r.lag_known and r.lag > 2.0 * r.lag_first + _LATE_MARGIN:
+    if r.lag_known and r.lag_low > r.lag_first + _LATE_MARGIN:
         return _LATE
     return QUIET
 

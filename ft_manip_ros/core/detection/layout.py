@@ -84,6 +84,7 @@ _NUMBERS = (
     't_2',
     'raw_1',
     'raw_step',
+    'change_sum',
     # unbelievable samples
     'bad_since',
     'good_since',

@@ -13,8 +13,9 @@ from ft_manip_ros.core.detection.commands import CommandBook, point_table
 from ft_manip_ros.core.detection.kernel import advance, forget_windows
 from ft_manip_ros.core.detection.layout import NO_TIME, allocate
 from ft_manip_ros.core.detection.machine import freeze
+from ft_manip_ros.core.detection.reporting import report_of
 from ft_manip_ros.core.detection.settings import MonitorSettings
-from ft_manip_ros.core.detection.states import CAUSE_TEXT, Cause, Edge, JointState, Report
+from ft_manip_ros.core.detection.states import Cause, Edge, JointState, Report
 from ft_manip_ros.core.errors import InputError
 
 Array = NDArray[np.float64]
@@ -35,6 +36,13 @@ class FaultMonitor:
         Thresholds and windows.
     exempt
         Joints that are never LOCKED, for example a gripper that closes on objects.
+
+    Attributes
+    ----------
+    names
+        Joint names, in the order of all arrays.
+    records
+        What is remembered of each joint, shape (n,) of `layout.JOINT`; to look at only.
     """
 
     def __init__(
@@ -57,7 +65,7 @@ class FaultMonitor:
             self._index(name, 'exempt')
         limited = [isinstance(joint, Joint) for joint in joints]
         self._memory = allocate(known, self.settings, limited, exempt)
-        self._records = self._memory.joints
+        self.records = self._memory.joints
         self._book = CommandBook(len(known))
         n = len(known)
         self._row = np.full((3, 1, n), np.nan)
@@ -129,7 +137,7 @@ class FaultMonitor:
             positions[:, columns],
             velocities[:, columns],
             accelerations[:, columns],
-            self._records['q'].copy(),
+            self.records['q'].copy(),
         )
 
     # Samples
@@ -160,7 +168,7 @@ class FaultMonitor:
 
     def block(
         self,
-        stamps: Sequence[int],
+        stamps: NDArray[np.int64],
         positions: Array,
         velocities: Array,
         efforts: Array,
@@ -171,14 +179,18 @@ class FaultMonitor:
 
         Parameters
         ----------
+        stamps : ndarray of int64, shape (K,), ns
         positions, velocities, efforts, commands : ndarray, shape (K, n)
             NaN where not given; commands are streamed references.
         present : ndarray of bool, shape (K, n)
         """
-        times = np.array([self._time(stamp) for stamp in stamps])
+        if not len(stamps):
+            return []
+        first = self._time(int(stamps[0]))
+        times = np.asarray((stamps - stamps[0]) * 1e-9 + first, dtype=np.float64)
         self._live_until = math.inf
         return self._advance(
-            times, np.stack((positions, velocities, efforts)), present, commands, stamps
+            times, np.stack((positions, velocities, efforts)), present, commands, stamps.tolist()
         )
 
     def _advance(
@@ -221,8 +233,8 @@ class FaultMonitor:
 
     def frozen(self) -> dict[str, float]:
         """Positions (rad or m) of all joints that are LOCKED."""
-        locked = np.flatnonzero(self._records['state'] == JointState.LOCKED)
-        return {self.names[j]: float(self._records['frozen_q'][j]) for j in locked}
+        locked = np.flatnonzero(self.records['state'] == JointState.LOCKED)
+        return {self.names[j]: float(self.records['frozen_q'][j]) for j in locked}
 
     def freeze(self, name: str, position: float | None, reason: str, stamp: int) -> Edge:
         """Declare a joint frozen by hand, at ``position`` or (None) where it was last believed.
@@ -233,7 +245,7 @@ class FaultMonitor:
             For an unknown joint, a position that is not finite, or a joint never seen.
         """
         j = self._index(name, 'joint')
-        r = self._records[j]
+        r = self.records[j]
         if position is not None and not math.isfinite(position):
             raise InputError('position', f'is {position}; a finite number is needed')
         if position is None and math.isnan(r['q']):
@@ -256,7 +268,7 @@ class FaultMonitor:
         chosen = range(len(self.names)) if not name else [self._index(name, 'joint')]
         edges = []
         for j in chosen:
-            r = self._records[j]
+            r = self.records[j]
             before = JointState(int(r['state']))
             if before not in (JointState.LOCKED, JointState.RUNAWAY):
                 continue
@@ -280,7 +292,7 @@ class FaultMonitor:
         reason: str,
     ) -> None:
         """Take over a latched fault that was found before a restart."""
-        r = self._records[self._index(name, 'joint')]
+        r = self.records[self._index(name, 'joint')]
         r['state'], r['cause'], r['manual'] = state, Cause.RESTORED, manual
         r['frozen_q'], r['frozen_sigma'] = position, sigma
         self._notes[self._place[name]] = reason
@@ -298,29 +310,9 @@ class FaultMonitor:
         return Edge(stamp, before, self._report(j))
 
     def _report(self, j: int) -> Report:
-        r = self._records[j]
-        cause = CAUSE_TEXT[Cause(int(r['cause']))]
-        note = self._notes[j]
-        turn = 2.0 * math.pi * int(r['turns'])
-        noise = r['noise_var'] if r['noise_n'] >= 30 else r['rough_var']
-        known = r['noise_n'] >= 30 or r['rough_n'] >= 30
-        return Report(
-            name=self.names[j],
-            state=JointState(int(r['state'])),
-            cause=f'{cause}: {note}' if note else cause,
-            manual=bool(r['manual']),
-            frozen_position=float(r['frozen_q']),
-            frozen_position_sigma=float(r['frozen_sigma']),
-            first_evidence=self._stamp_of(r['first_evidence']),
-            confirmed=self._stamp_of(r['confirmed']),
-            position=float(r['q']) - turn,
-            commanded_position=float(r['command']),
-            residual=float(r['missing']),
-            threshold=float(r['threshold']),
-            noise=math.sqrt(noise) if known else math.nan,
-            suspects=int(r['suspects']),
-            previous=self._changes[j][0],
-            changed=self._changes[j][1],
+        before, changed = self._changes[j]
+        return report_of(
+            self.records[j], self.names[j], self._notes[j], before, changed, self._stamp_of
         )
 
     def _index(self, name: str, field_name: str) -> int:

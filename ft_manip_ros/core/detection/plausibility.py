@@ -27,6 +27,7 @@ _GOOD_SAMPLES: Final = 5
 _GOOD_TIME: Final = 0.05  # s
 _ENOUGH_COMPARISONS: Final = 300
 _NOISE_REVERSALS: Final = 0.4  # share of changes; white noise has 2/3
+_FINE: Final = 2.0  # steps that noise spans on an encoder too fine to repeat itself
 _LOG_IMPOSSIBLE: Final = -40.0  # log of a chance that never comes true
 
 
@@ -115,6 +116,7 @@ def repeats_unlike_itself(r: Any, t: float, raw: float, dead_s: float) -> bool:
         if r.still_n > 2:
             r.comparisons += r.repeat_run + 1
             r.changes += 1
+            r.change_sum += abs(raw - r.raw_1)
             if (raw - r.raw_1) * r.raw_step < 0.0:
                 r.reversals += 1
         r.raw_step = raw - r.raw_1
@@ -124,6 +126,8 @@ def repeats_unlike_itself(r: Any, t: float, raw: float, dead_s: float) -> bool:
         return False
     r.repeat_run += 1
     if r.comparisons < _ENOUGH_COMPARISONS or r.reversals < _NOISE_REVERSALS * r.changes:
+        return False
+    if r.change_sum < _FINE * r.quantum * r.changes:
         return False
     chance = (r.comparisons - r.changes + 1.0) / (r.comparisons + 1.0)
     unlikely = r.repeat_run * np.log(chance) < _LOG_IMPOSSIBLE

@@ -18,6 +18,8 @@ _LAG_MEMORY = 5.0  # s of motion
 _LAG_LEAST = 0.5  # s of motion before a lag is believed
 _TRUST_AFTER = 10.0  # s of motion until a joint's own tracking replaces the prior slack
 _ENVELOPE_MEMORY = 120.0  # s of motion
+_PACE = 20.0  # times the slowest motion: where lag begins to show
+_AS_GOOD = 1.1  # ratio of variances below which two lags explain the motion alike
 _STICK_FACTOR = 1.5
 
 
@@ -129,6 +131,9 @@ def learn_tracking(
     if r.ring_n < 3 or abs(r.command_speed) < r.moving_speed:
         return
     dt = min(t - r.t_1, 0.2)
+    # Slow motion says little about lag, and much about sag and friction.
+    pace = r.command_speed / (_PACE * r.moving_speed)
+    dt *= pace * pace / (1.0 + pace * pace)
     r.moved_s += dt
     weight = dt / min(r.moved_s, _LAG_MEMORY)
     count = lags.shape[0]
@@ -157,19 +162,26 @@ def learn_tracking(
         if bend > 0.0:
             lag = 0.5 * (x0 + x1) - 0.5 * s0 / bend
             lag = min(max(lag, x0), x2)
+    # Every lag that explains the motion nearly as well is still believable.
+    first, last = best, best
+    bound = _AS_GOOD * var[best] + noise_of(r) ** 2
+    while first > 0 and var[first - 1] <= bound:
+        first -= 1
+    while last < count - 1 and var[last + 1] <= bound:
+        last += 1
     margin = max(max(1.5 * r.period, 0.006), 0.25 * lag)
     r.lag = lag
-    r.lag_low = max(0.0, lag - margin)
-    r.lag_high = lag + margin
+    r.lag_low = max(0.0, min(lag - margin, lags[first]))
+    r.lag_high = max(lag + margin, lags[last])
     r.offset = mean[best]
     c = command_at(r, ring_t, ring_c, t - lag)
     away = max(abs(q - c - r.offset) - 3.0 * noise_of(r), 0.0)
     r.envelope = max(away, r.envelope * (1.0 - dt / _ENVELOPE_MEMORY))
     if not r.lag_known:
         r.lag_known = True
-        r.lag_first = lag
+        r.lag_first = r.lag_high
     elif r.moved_s < _TRUST_AFTER:
-        r.lag_first = max(r.lag_first, lag)
+        r.lag_first = max(r.lag_first, r.lag_high)
 
 
 @numba.njit(cache=True, nogil=True)

@@ -1,0 +1,60 @@
+"""Reports of joints, read from the monitor's memory."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from ft_manip_ros.core.detection.states import CAUSE_TEXT, Cause, JointState, Report
+
+_NOISE_SAMPLES = 30  # before which a learned noise says nothing
+
+
+def report_of(
+    record: np.void,
+    name: str,
+    note: str,
+    before: JointState,
+    changed: int,
+    stamp_of: Callable[[float], int],
+) -> Report:
+    """Report of one joint.
+
+    Parameters
+    ----------
+    record
+        The joint's record, of `layout.JOINT`.
+    note
+        What a person said when declaring or clearing the fault; may be empty.
+    before, changed
+        State before the latest change, and its stamp (ns).
+    stamp_of
+        Turns a time of the record (s) into a stamp (ns), 0 for "never".
+    """
+    cause = CAUSE_TEXT[Cause(int(record['cause']))]
+    noise = math.nan
+    for count, variance in (('noise_n', 'noise_var'), ('rough_n', 'rough_var')):
+        if record[count] >= _NOISE_SAMPLES:
+            noise = math.sqrt(record[variance])
+            break
+    return Report(
+        name=name,
+        state=JointState(int(record['state'])),
+        cause=f'{cause}: {note}' if note else cause,
+        manual=bool(record['manual']),
+        frozen_position=float(record['frozen_q']),
+        frozen_position_sigma=float(record['frozen_sigma']),
+        first_evidence=stamp_of(record['first_evidence']),
+        confirmed=stamp_of(record['confirmed']),
+        # As the encoder reports it, not as it was unwrapped.
+        position=float(record['q']) - 2.0 * math.pi * int(record['turns']),
+        commanded_position=float(record['command']),
+        residual=float(record['missing']),
+        threshold=float(record['threshold']),
+        noise=noise,
+        suspects=int(record['suspects']),
+        previous=before,
+        changed=changed,
+    )
