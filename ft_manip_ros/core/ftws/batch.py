@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from ft_manip_ros.core.chain import Array, ChainArrays
 from ft_manip_ros.core.ftws.certify import make_scratch
 from ft_manip_ros.core.ftws.judge import MEMBER, NON_MEMBER, Effort, Work, cover
+from ft_manip_ros.core.ftws.reach import farthest_miss
 from ft_manip_ros.core.ftws.task_map import TaskArrays
 
 # Intervals kept per joint; more than this are merged into "not proved".
@@ -42,6 +43,7 @@ def judge_goals(
     combos: NDArray[np.int64],
     ranges: Array,
     arms: Array,
+    table: Array,
     effort: Effort,
     verdicts: NDArray[np.int64],
     combo_of: NDArray[np.int64],
@@ -63,6 +65,8 @@ def judge_goals(
         Where joints can freeze (rad or m).
     arms : shape (n,)
         How far the tool can be from each axis (m); 1 for a slide.
+    table : shape (T, k + 11)
+        The arm's reach table.
     verdicts, combo_of : shape (N,), out
         Verdict and the combination that it hangs on (-1: none).
     witness : shape (N, k), out
@@ -86,6 +90,15 @@ def judge_goals(
         numbers[g, 1] = 0.0
         count[0] = 0
         count[1] = 0
+        miss, row = farthest_miss(table, goals[g], k)
+        if row >= 0 and miss > effort.tolerance + effort.radius:
+            verdicts[g] = NON_MEMBER
+            combo_of[g] = int(table[row, 0])
+            numbers[g, 1] = miss
+            for j in range(k):
+                witness[g, j] = table[row, 1 + j]
+            if not effort.intervals or k > 1:
+                continue
         for c in range(combos.shape[0]):
             # The stream depends on the question alone, not on what was asked before.
             work.state[0] = np.uint64(effort.seed) * np.uint64(1000003) + np.uint64(c)

@@ -11,10 +11,13 @@ from numpy.typing import NDArray
 
 from ft_manip_ros.core.chain import Array, ChainArrays, Joint, SerialChain
 from ft_manip_ros.core.errors import InputError
-from ft_manip_ros.core.ftws.task_map import Plane, TaskArrays, find_plane, task_arrays
+from ft_manip_ros.core.ftws.reach import reach_table
+from ft_manip_ros.core.ftws.task_map import Plane, TaskArrays, find_plane, reach, task_arrays
 from ft_manip_ros.core.goal import Goal, quaternion_from_rotation, rotation_from_quaternion
 
 _SPIN = '(free tool axis)'
+# Positions per frozen joint in the reach table, by order.
+_SAMPLES = {1: 49, 2: 9, 3: 5}
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,6 +37,8 @@ class Problem:
         Operating limits.
     arms : ndarray, shape (n,)
         How far the tool can be from each axis (m).
+    table : ndarray, shape (T, k + 11)
+        The reach table.
     """
 
     chain: SerialChain
@@ -45,6 +50,7 @@ class Problem:
     combos: NDArray[np.int64]
     ranges: Array
     arms: Array
+    table: Array
 
     @property
     def oriented(self) -> bool:
@@ -85,16 +91,20 @@ def prepare(chain: SerialChain, mode: str, order: int, free_axis: bool = False) 
     task = task_arrays(chain, mode, plane)
     if task.orientation_rows.shape[0] > 0:
         arms = np.where([j.prismatic for j in chain.joints], 1.0, np.hypot(arms, task.length))
+    combos = np.array(list(combinations(range(n), order)), dtype=np.int64).reshape(-1, order)
+    ranges = np.array([chain.operating_lower, chain.operating_upper])
+    arrays = chain.arrays
     return Problem(
         chain,
         mode,
         int(order),
-        chain.arrays,
+        arrays,
         task,
         plane,
-        np.array(list(combinations(range(n), order)), dtype=np.int64).reshape(-1, order),
-        np.array([chain.operating_lower, chain.operating_upper]),
+        combos,
+        ranges,
         arms,
+        reach_table(arrays, combos, ranges, _SAMPLES.get(order, 3), reach(chain)),
     )
 
 

@@ -117,8 +117,8 @@ def judge_one(
     count = np.zeros(2, dtype=np.int64)
     judge_goals(
         problem.arrays, problem.task, np.ascontiguousarray(goal)[None], combos, problem.ranges,
-        problem.arms, settings.effort(problem.oriented, problem.task.length), verdicts, combo_of,
-        witness, numbers, covered, covered_count, _NO_PIECES if pieces is None else pieces, count,
+        problem.arms, problem.table, settings.effort(problem.oriented, problem.task.length), verdicts,
+        combo_of, witness, numbers, covered, covered_count, _NO_PIECES if pieces is None else pieces, count,
     )  # fmt: skip
     code, at = int(verdicts[0]), int(combo_of[0])
     margin, residual = float(numbers[0, 0]), float(numbers[0, 1])
