@@ -15,8 +15,8 @@ from ft_manip_ros.core.ftws.query import distance_off_plane
 from ft_manip_ros.core.ftws.refute import refute
 from ft_manip_ros.core.goal import Goal
 
-# Frozen positions are refuted over this many standard deviations to both sides.
-_SIGMAS = 3.0
+# Goals are lost only if they are so for frozen positions this many standard deviations off.
+SIGMAS = 3.0
 _STACK = 1024
 
 
@@ -88,7 +88,7 @@ def refute_goal(
     is_free = np.ones(total, dtype=np.bool_)
     for name, position in frozen.items():
         i = chain.index(name)
-        q[i], half[i], is_free[i] = position, _SIGMAS * sigma.get(name, 0.0), False
+        q[i], half[i], is_free[i] = position, SIGMAS * sigma.get(name, 0.0), False
     tolerance, best = goal.position_tolerance, position_error
     if oriented:
         length = problem.task.length

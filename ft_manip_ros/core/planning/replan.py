@@ -9,9 +9,11 @@ from numpy.typing import NDArray
 
 from ft_manip_ros.core.chain import Array, SerialChain
 from ft_manip_ros.core.errors import InputError
+from ft_manip_ros.core.ftws.task_map import reach
 from ft_manip_ros.core.goal import Goal
 from ft_manip_ros.core.planning.limits import arrays_within, motion_limits
 from ft_manip_ros.core.planning.plan import Plan, PlanStatus
+from ft_manip_ros.core.planning.refutation import SIGMAS
 from ft_manip_ros.core.planning.reporting import describe, outcome_of
 from ft_manip_ros.core.planning.route import Route, plan_route, stop_route
 from ft_manip_ros.core.planning.safety import check_trajectory
@@ -78,7 +80,16 @@ def plan_task(
     stopping = stop_route(start[healthy], start_velocity[healthy], hard, settings)
     here = start.copy()
     here[healthy] = stopping.motion.positions[-1]
-    findings = triage(arrays_within(chain, limits), rod, mask, goals, here, settings, hints or {})
+    findings = triage(
+        arrays_within(chain, limits),
+        rod,
+        mask,
+        goals,
+        here,
+        settings,
+        hints or {},
+        _blur(chain, sigma),
+    )
     chosen, why_not = ([], halt) if halt else _to_visit(findings, bool(frozen), settings)
     route = stopping
     if chosen:
@@ -110,6 +121,16 @@ def plan_task(
         None if problems else trajectory,
         why_not,
     )
+
+
+def _blur(chain: SerialChain, sigma: Mapping[str, float]) -> float:
+    """Bound on how far the tool moves when frozen joints stand `SIGMAS` deviations off (m)."""
+    span = reach(chain)
+    moved = 0.0
+    for name, value in sigma.items():
+        prismatic = chain.joints[chain.index(name)].prismatic
+        moved += SIGMAS * value * (1.0 if prismatic else span)
+    return moved
 
 
 def _to_visit(

@@ -60,6 +60,7 @@ def triage(
     here: Array,
     settings: PlanSettings,
     hints: Mapping[int, Array],
+    blur: float,
 ) -> list[Finding]:
     """Judge goals in order; each search starts from the postures found for the goal before.
 
@@ -76,12 +77,14 @@ def triage(
         Where the arm stands, or will once it has stopped.
     hints
         Postures, (n,), to start from besides others, by place of the goal.
+    blur
+        How far (m) the frozen joints' uncertain positions may displace the tool.
     """
     near = here[None, :]
     findings = []
     for index, goal in goals:
         starts = np.vstack([near, hints[index]]) if index in hints else near
-        finding = _judge(chain, rod, frozen, index, goal, starts, settings)
+        finding = _judge(chain, rod, frozen, index, goal, starts, settings, blur)
         findings.append(finding)
         if len(finding.postures.q):
             near = np.vstack([finding.postures.q[: settings.postures // 2 + 1], here])
@@ -96,8 +99,10 @@ def _judge(
     goal: Goal,
     near: Array,
     settings: PlanSettings,
+    blur: float,
 ) -> Finding:
     miss, why = proved_miss(rod, goal)
+    miss -= blur
     if miss > goal.position_tolerance:
         nothing = Postures(np.empty((0, len(frozen))), near[0], miss, np.nan)
         return Finding(goal, index, Outcome.LOST, goal, None, nothing, why, miss)

@@ -1,0 +1,220 @@
+"""Plans for known arms: what is reached, what is lost and why, policies, relaxations."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ft_manip_ros.core.arm_file import load_arm
+from ft_manip_ros.core.chain import Joint, SerialChain
+from ft_manip_ros.core.errors import InputError
+from ft_manip_ros.core.goal import Goal
+from ft_manip_ros.core.kinematics import fk
+from ft_manip_ros.core.planning.plan import Outcome, PlanStatus
+from ft_manip_ros.core.planning.proof import needs_proof, prove
+from ft_manip_ros.core.planning.replan import plan_task
+from ft_manip_ros.core.planning.settings import PlanSettings, Policy, Relaxation
+from ft_manip_ros.core.task_file import load_task
+
+TABLE_3 = load_arm('paredis_table_3')
+SETTINGS = PlanSettings()
+
+
+def plan(chain, goals, *, frozen=None, sigma=None, start=None, velocity=None, settings=SETTINGS):
+    return plan_task(
+        chain,
+        list(enumerate(goals)),
+        frozen=frozen or {},
+        sigma=sigma or {},
+        start=np.zeros(chain.n) if start is None else start,
+        start_velocity=np.zeros(chain.n) if velocity is None else velocity,
+        settings=settings,
+    )
+
+
+@pytest.mark.parametrize('joint', TABLE_3.joint_names)
+@pytest.mark.parametrize('angle', [-2.5, -1.0, 0.3, 2.0])
+def test_task_of_equation_11_survives_any_joint(joint, angle):
+    # The paper's claim: these points are fault tolerant on Table 3.
+    goals = load_task('paredis_eq_11').goals
+    found = plan(TABLE_3, goals, frozen={joint: angle})
+    assert found.status == PlanStatus.FINISHES
+    for outcome in found.outcomes:
+        q, _ = found.trajectory.path().sample(outcome.arrival)
+        _, tool = fk(TABLE_3, q)
+        assert np.linalg.norm(tool - outcome.goal.position) < 1e-6
+        assert outcome.position_error < 1e-6
+        assert q[TABLE_3.index(joint)] == angle
+    arrivals = [outcome.arrival for outcome in found.outcomes]
+    assert arrivals == sorted(arrivals)
+
+
+def planar(lengths, limit=np.pi):
+    joints = tuple(Joint(f'j{i}', -limit, limit) for i in range(len(lengths)))
+    translations = np.zeros((len(lengths) + 1, 3))
+    translations[1:, 0] = lengths
+    return SerialChain(
+        'planar', joints, np.tile(np.eye(3), (len(lengths) + 1, 1, 1)), translations
+    )
+
+
+def test_elbow_frozen_leaves_one_circle():
+    # Two links of 1 m with the elbow at 90 degrees: the tool is sqrt(2) from the base, always.
+    arm = planar([1.0, 1.0])
+    on_circle = Goal(np.sqrt(2.0) * np.array([np.cos(2.0), np.sin(2.0), 0.0]))
+    inside, outside = Goal([1.2, 0.0, 0.0]), Goal([0.0, 2.5, 0.0])
+    start = np.array([0.0, np.pi / 2.0])
+    found = plan(arm, [on_circle, inside, outside], frozen={'j1': np.pi / 2.0}, start=start)
+    assert [o.outcome for o in found.outcomes] == [
+        Outcome.REACHABLE,
+        Outcome.LOST,
+        Outcome.LOST,
+    ]
+    assert found.status == PlanStatus.PARTIAL
+    assert found.outcomes[1].margin == pytest.approx(np.sqrt(2.0) - 1.2, abs=1e-9)
+    assert found.outcomes[2].margin == pytest.approx(2.5 - np.sqrt(2.0), abs=1e-9)
+
+
+def test_limits_lose_a_point_and_the_proof_says_by_how_much():
+    # Both joints within 45 degrees: the tool cannot come nearer than with the elbow at 45.
+    arm = planar([1.0, 1.0, 1.0], limit=np.pi / 4.0)
+    found = plan(arm, [Goal([1.5, 0.0, 0.0])], frozen={'j0': 0.0})
+    assert found.outcomes[0].outcome == Outcome.UNDECIDED
+    proved = prove(arm, found, SETTINGS)
+    assert not proved.found
+    lost = proved.plan.outcomes[0]
+    assert lost.outcome == Outcome.LOST
+    qs = np.stack(np.meshgrid([0.0], *[np.linspace(-np.pi / 4, np.pi / 4, 301)] * 2), -1)
+    _, tools = fk(arm, qs.reshape(-1, 3))
+    nearest = np.linalg.norm(tools - [1.5, 0.0, 0.0], axis=1).min()
+    assert 1e-3 < lost.margin <= nearest
+    assert lost.margin > 0.1 * nearest
+    assert found.outcomes[0].position_error == pytest.approx(nearest, abs=1e-3)
+    assert not needs_proof(proved.plan)
+    assert proved.plan.trajectory is found.trajectory
+
+
+def test_point_off_the_plane_is_proved_lost():
+    arm = planar([1.0, 1.0, 1.0])
+    found = plan(arm, [Goal([1.0, 0.0, 0.2])], frozen={'j0': 0.0})
+    lost = prove(arm, found, SETTINGS).plan.outcomes[0]
+    assert lost.outcome == Outcome.LOST
+    assert lost.margin == pytest.approx(0.2)
+
+
+def test_too_small_a_budget_leaves_it_undecided():
+    arm = planar([1.0, 1.0, 1.0], limit=np.pi / 4.0)
+    found = plan(arm, [Goal([1.5, 0.0, 0.0])], frozen={'j0': 0.0})
+    small = prove(arm, found, PlanSettings(proof_boxes=1)).plan
+    assert small.outcomes[0].outcome == Outcome.UNDECIDED
+    assert prove(arm, found, SETTINGS).plan.outcomes[0].outcome == Outcome.LOST
+
+
+def test_uncertain_frozen_position_is_not_proved_lost():
+    # The elbow may stand anywhere within 3 sigma, and somewhere in there the goal is reached.
+    arm = planar([1.0, 1.0])
+    frozen = {'j1': np.pi / 2.0}
+    goal = Goal([np.sqrt(2.0) + 0.01, 0.0, 0.0])
+    sure = plan(arm, [goal], frozen=frozen, sigma={'j1': 1e-6})
+    assert sure.outcomes[0].outcome == Outcome.LOST
+    unsure = plan(arm, [goal], frozen=frozen, sigma={'j1': 0.01})
+    assert prove(arm, unsure, SETTINGS).plan.outcomes[0].outcome == Outcome.UNDECIDED
+
+
+def test_relaxations_are_named_and_used_only_where_accepted():
+    # A planar arm keeps its tool's z axis: roll about it is all that can be freed.
+    arm = planar([1.0, 1.0])
+    c, s = np.cos(1.0), np.sin(1.0)
+    flat = Goal([1.0, 1.0, 0.0], np.array([[c, -s, 0], [s, c, 0], [0, 0, 1.0]]))
+    tipped = Goal([1.0, 1.0, 0.0], np.array([[1.0, 0, 0], [0, 0, -1.0], [0, 1.0, 0]]))
+    reported = plan(arm, [flat, tipped])
+    assert [o.outcome for o in reported.outcomes] == [Outcome.RELAXED, Outcome.RELAXED]
+    assert [o.relaxation for o in reported.outcomes] == ['free roll', 'orientation dropped']
+    assert reported.status == PlanStatus.HALTED
+    accepting = PlanSettings(accepted=frozenset({Relaxation.FREE_ROLL}))
+    used = plan(arm, [flat, tipped], settings=accepting)
+    assert [o.has_posture for o in used.outcomes] == [True, False]
+    assert used.status == PlanStatus.PARTIAL
+    assert used.outcomes[0].orientation_error < 1e-6
+
+
+@pytest.mark.parametrize('policy', list(Policy))
+def test_policies(policy):
+    goals = [*load_task('paredis_eq_11').goals, Goal([9.0, 0.0, 0.0])]
+    velocity = np.array([0.5, -0.3, 0.0, 0.2, 0.1])
+    found = plan(
+        TABLE_3,
+        goals,
+        frozen={'joint_3': 0.4},
+        velocity=velocity,
+        settings=PlanSettings(policy=policy),
+    )
+    visited = [outcome.has_posture for outcome in found.outcomes]
+    if policy == Policy.FINISH_REACHABLE:
+        assert visited == [True, True, True, False]
+        assert found.status == PlanStatus.PARTIAL
+        return
+    assert visited == [False] * 4
+    assert found.status == PlanStatus.HALTED
+    # The goals are judged all the same, and the stop is a motion of its own.
+    assert found.outcomes[0].outcome == Outcome.REACHABLE
+    np.testing.assert_allclose(found.trajectory.velocities[0], velocity * [1, 1, 0, 1, 1])
+    assert found.trajectory.duration < 1.0
+
+
+def test_policies_bind_only_after_a_failure():
+    goals = load_task('paredis_eq_11').goals
+    found = plan(TABLE_3, goals, settings=PlanSettings(policy=Policy.HALT))
+    assert found.status == PlanStatus.FINISHES
+
+
+def test_no_goals_and_no_healthy_joints():
+    assert plan(TABLE_3, [], frozen={'joint_1': 0.0}).status == PlanStatus.FINISHES
+    everything = dict.fromkeys(TABLE_3.joint_names, 0.2)
+    _, here = fk(TABLE_3, np.full(5, 0.2))
+    found = plan(TABLE_3, [Goal(here), Goal(here + 0.1)], frozen=everything)
+    assert [o.outcome for o in found.outcomes] == [Outcome.REACHABLE, Outcome.LOST]
+    assert np.all(found.trajectory.positions == 0.2)
+
+
+def test_uncertainty_of_the_frozen_joint_reaches_the_tool():
+    arm = planar([1.0, 1.0])
+    found = plan(arm, [Goal([0.0, 2.0, 0.0])], frozen={'j0': np.pi / 2.0}, sigma={'j0': 1e-3})
+    # The tool is 2 m from the first axis.
+    assert found.outcomes[0].uncertainty == pytest.approx(2e-3, rel=1e-6)
+    assert 'known to' in found.outcomes[0].reason
+
+
+def test_operating_limits_bind_only_before_a_failure():
+    joints = (
+        Joint('j0', -3.0, 3.0, operating_lower=-0.5, operating_upper=0.5),
+        Joint('j1', -3.0, 3.0),
+    )
+    arm = planar([1.0, 1.0])
+    arm = SerialChain('narrow', joints, arm.rotations, arm.translations)
+    goal = Goal([-1.5, 1.0, 0.0])
+    assert plan(arm, [goal]).outcomes[0].outcome == Outcome.UNDECIDED
+    assert prove(arm, plan(arm, [goal]), SETTINGS).plan.outcomes[0].outcome == Outcome.LOST
+    free = SerialChain(
+        'free',
+        (*joints, Joint('j2')),
+        np.tile(np.eye(3), (4, 1, 1)),
+        np.vstack([arm.translations, np.zeros(3)]),
+    )
+    assert plan(free, [goal], frozen={'j2': 0.0}).outcomes[0].outcome == Outcome.REACHABLE
+
+
+@pytest.mark.parametrize(
+    ('change', 'words'),
+    [
+        ({'frozen': {'wrist': 0.0}}, 'joint_1, joint_2'),
+        ({'frozen': {'joint_1': np.nan}}, 'finite'),
+        ({'sigma': {'joint_1': -1.0}}, '>= 0'),
+        ({'start': np.zeros(4)}, r'needs \(5,\)'),
+        ({'start': np.full(5, np.nan)}, 'NaN'),
+        ({'velocity': np.full(5, np.inf)}, 'infinity'),
+    ],
+)
+def test_malformed_input_is_named(change, words):
+    with pytest.raises(InputError, match=words):
+        plan(TABLE_3, load_task('paredis_eq_11').goals, **change)
