@@ -110,7 +110,11 @@ reusable_venv() {
 
 make_venv() {
     local key version
-    key=$(key_of requirements scripts/missing_requirements.py)
+    if [ "$mode" = ros ]; then
+        key=$(key_of requirements/ros.lock scripts/missing_requirements.py)
+    else
+        key=$(key_of requirements/requirements.lock)
+    fi
     if reusable_venv; then
         [ "$(cat "$venv/setup.key")" != "$mode $version $key $root" ] || return 0
         say "bringing .venv up to date"
@@ -130,8 +134,8 @@ make_venv() {
     touch "$venv/COLCON_IGNORE"
     if [ "$mode" = ros ]; then
         # Only what this ROS installation lacks: never a second numpy or Pinocchio.
-        "$venv/bin/python" scripts/missing_requirements.py "$logs/missing.txt" "$logs/keep.txt"
-        pip_install -r "$logs/missing.txt" -c "$logs/keep.txt"
+        "$venv/bin/python" scripts/missing_requirements.py >"$logs/missing.txt"
+        pip_install --no-deps -r "$logs/missing.txt"
     else
         pip_install --no-deps -r requirements/requirements.lock
         cat >"$venv/colcon_defaults.yaml" <<YAML
