@@ -39,6 +39,7 @@ TOPICS = (
     topics.FAULT_STATE,
     topics.FAULT_EVENTS,
     topics.RECOVERY_PLAN,
+    'replanner/task_plan',
     topics.DESIGN_CANDIDATES,
     topics.DESIGN_BEST,
     topics.DESIGN_FINAL,

@@ -1,0 +1,157 @@
+"""Replay of the fault monitor: recorded joint states and commands in, changes of state out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import fields
+from typing import Any
+
+from ft_manip_ros.bags.findings import Finding
+from ft_manip_ros.bags.reader import BagMessage
+from ft_manip_ros.bags.replay_setup import ReplaySetup
+from ft_manip_ros.core.detection.feed import MonitorFeed
+from ft_manip_ros.core.detection.monitor import FaultMonitor
+from ft_manip_ros.core.detection.settings import MonitorSettings
+from ft_manip_ros.core.detection.states import Edge, JointState
+from ft_manip_ros.nodes.conversions import nanoseconds, seconds
+
+NODE = 'fault_monitor'
+SETTINGS = {item.name for item in fields(MonitorSettings)}
+# Being commanded or not, and suspicions that pass, are no faults.
+_FAULTS = frozenset(JointState) - {JointState.OK, JointState.IDLE, JointState.SUSPECT}
+_REQUEST_RECEIVED, _RESPONSE_SENT = 1, 2
+
+NUMBERS = {'position': 1e-3}
+
+
+class FaultReplay:
+    """Feeds a fresh monitor, set up as the recorded one, with what the recorded one was fed."""
+
+    def __init__(self, setup: ReplaySetup) -> None:
+        parameters = setup.parameters(NODE)
+        chain = setup.chain(NODE)
+        settings = MonitorSettings(**{k: v for k, v in parameters.items() if k in SETTINGS})
+        exempt = parameters.get('exempt') or []
+        self._monitor = FaultMonitor(chain.joints, settings, exempt=exempt)
+        self._feed = MonitorFeed(self._monitor)
+        self._stamp = 0
+        self._seen_sample = False
+        self.recorded: list[Finding] = []
+        self.replayed: list[Finding] = []
+        self.handlers: dict[str, Callable[[BagMessage, Any], None]] = {}
+        reference = str(parameters.get('reference_topic') or '')
+        for name, type_name, handler in (
+            ('joint_states', 'sensor_msgs/msg/JointState', self._on_joint_state),
+            (
+                'joint_trajectory_controller/joint_trajectory',
+                'trajectory_msgs/msg/JointTrajectory',
+                self._on_trajectory,
+            ),
+            (reference, 'sensor_msgs/msg/JointState', self._on_reference),
+            ('fault_state', 'ft_manip_interfaces/msg/FaultState', self._on_state),
+            ('fault_events', 'ft_manip_interfaces/msg/JointFault', self._on_recorded),
+            (
+                'fault_monitor/freeze_joint/_service_event',
+                'ft_manip_interfaces/srv/FreezeJoint_Event',
+                self._on_freeze,
+            ),
+            (
+                'fault_monitor/clear_fault/_service_event',
+                'ft_manip_interfaces/srv/ClearFault_Event',
+                self._on_clear,
+            ),
+        ):
+            topic = setup.topic(name, type_name) if name else None
+            if topic is not None:
+                self.handlers[topic] = handler
+
+    def _on_joint_state(self, record: BagMessage, message: Any) -> None:
+        stamp = nanoseconds(message.header.stamp)
+        edges = self._feed.joint_state(
+            stamp,
+            record.log_time,
+            message.name,
+            message.position,
+            message.velocity,
+            message.effort,
+        )
+        self._stamp = stamp or record.log_time
+        self._seen_sample = True
+        self._note(edges)
+
+    def _on_trajectory(self, record: BagMessage, message: Any) -> None:
+        points = [
+            (seconds(p.time_from_start), p.positions, p.velocities, p.accelerations)
+            for p in message.points
+        ]
+        self._feed.trajectory(
+            nanoseconds(message.header.stamp), record.log_time, message.joint_names, points
+        )
+
+    def _on_reference(self, record: BagMessage, message: Any) -> None:
+        self._feed.reference(
+            nanoseconds(message.header.stamp), record.log_time, message.name, message.position
+        )
+
+    def _on_state(self, record: BagMessage, message: Any) -> None:
+        """Take over the faults that were known before the recording began."""
+        if self._seen_sample:
+            return
+        for joint in message.joints:
+            state = JointState(joint.state)
+            if state in (JointState.LOCKED, JointState.RUNAWAY):
+                self._monitor.restore(
+                    joint.name,
+                    state,
+                    joint.frozen_position,
+                    joint.frozen_position_sigma,
+                    joint.manual,
+                    joint.cause,
+                )
+
+    def _on_freeze(self, record: BagMessage, message: Any) -> None:
+        if message.info.event_type == _REQUEST_RECEIVED and len(message.request):
+            request = message.request[0]
+            position = None if request.at_measured else request.position
+            stamp = self._stamp or record.log_time
+            self._note([self._monitor.freeze(request.joint, position, request.reason, stamp)])
+
+    def _on_clear(self, record: BagMessage, message: Any) -> None:
+        if message.info.event_type == _REQUEST_RECEIVED and len(message.request):
+            request = message.request[0]
+            stamp = self._stamp or record.log_time
+            self._note(self._monitor.clear(request.joint, stamp, request.reason))
+
+    def _on_recorded(self, record: BagMessage, message: Any) -> None:
+        before, after = JointState(message.previous_state), JointState(message.state)
+        if {before, after} & _FAULTS:
+            stamp = nanoseconds(message.stamp)
+            self.recorded.append(
+                _finding(stamp, message.name, before, after, message.frozen_position)
+            )
+
+    def _note(self, edges: list[Edge]) -> None:
+        for edge in edges:
+            report = edge.report
+            if {edge.previous, report.state} & _FAULTS:
+                self.replayed.append(
+                    _finding(
+                        report.changed,
+                        report.name,
+                        edge.previous,
+                        report.state,
+                        report.frozen_position,
+                    )
+                )
+
+
+def _finding(
+    stamp: int, joint: str, before: JointState, after: JointState, frozen: float
+) -> Finding:
+    # From OK, IDLE or SUSPECT is all "healthy": which of them depends on the last sample before.
+    origin = before.name if before in _FAULTS else 'healthy'
+    target = after.name if after in _FAULTS else 'healthy'
+    values: dict[str, str | float] = {'from': origin, 'to': target}
+    if after == JointState.LOCKED:
+        values['position'] = float(frozen)
+    return Finding('fault', stamp, joint, values)

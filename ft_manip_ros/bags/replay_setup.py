@@ -1,0 +1,134 @@
+"""What a replay needs beside the messages: parameters, arms, topic names of the nodes."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from ft_manip_ros.bags.reader import Bag
+from ft_manip_ros.core.arm_file import load_arm
+from ft_manip_ros.core.chain import SerialChain
+from ft_manip_ros.core.errors import InputError
+
+_PARAMETERS = 'parameters/'
+_DESCRIPTION = ('robot_description', 'std_msgs/msg/String')
+
+
+@dataclass
+class ReplaySetup:
+    """Where a bag keeps what the nodes were told, with what the caller says instead.
+
+    Attributes
+    ----------
+    bag
+        The bag.
+    overrides
+        Parameter values that replace the recorded ones: by name, or by ``node.name``.
+    arm
+        Arm file, name or URDF to use instead of the recorded one.
+    notes
+        What was missing and what stood in for it.
+    """
+
+    bag: Bag
+    overrides: Mapping[str, Any] = field(default_factory=dict)
+    arm: str = ''
+    notes: list[str] = field(default_factory=list)
+
+    def topic(self, name: str, type_name: str) -> str | None:
+        """Topic of this relative name and type, in whatever namespace; None if there is none.
+
+        Raises
+        ------
+        InputError
+            If several namespaces have it.
+        """
+        found = [
+            topic
+            for topic, info in self.bag.topics.items()
+            if info.type_name == type_name and (topic == name or topic.endswith(f'/{name}'))
+        ]
+        if len(found) > 1:
+            raise InputError(
+                f'bag {self.bag.path}', f'has several topics {name}: {", ".join(sorted(found))}'
+            )
+        return found[0] if found else None
+
+    def parameters(self, node: str) -> dict[str, Any]:
+        """Recorded parameters of a node with the overrides applied; empty if none were recorded.
+
+        Raises
+        ------
+        InputError
+            For a recorded value that is not readable.
+        """
+        values: dict[str, Any] = {}
+        for name, recorded in self.bag.provenance.items():
+            if name.startswith(_PARAMETERS) and name.rsplit('/', 1)[-1] == node:
+                for key, text in recorded.items():
+                    try:
+                        values[key] = yaml.safe_load(text)
+                    except yaml.YAMLError:
+                        raise InputError(
+                            f'{self.bag.path}: parameter {key} of {node}', f'is {text!r}'
+                        ) from None
+        if not values:
+            self._note(f'the bag has no parameters of {node}: its defaults are used')
+        for key, value in self.overrides.items():
+            owner, _, name = key.rpartition('.')
+            if owner in ('', node):
+                values[name] = value
+        return values
+
+    def chain(self, node: str) -> SerialChain:
+        """Arm of a node: the one given, else the file in the bag, else the name, else the URDF.
+
+        Raises
+        ------
+        InputError
+            If none of these is there or readable.
+        """
+        parameters = self.parameters(node)
+        base, tip = parameters.get('base') or None, parameters.get('tip') or None
+        if self.arm:
+            return load_arm(self.arm, base=base, tip=tip)
+        for name, (_, content) in self.bag.attachments.items():
+            path = Path(name)
+            if name.startswith('arm/') and path.stem == node:
+                with tempfile.TemporaryDirectory() as folder:
+                    copy = Path(folder, path.name)
+                    copy.write_bytes(content)
+                    return load_arm(copy, base=base, tip=tip)
+        if parameters.get('arm'):
+            self._note(f'the arm file of {node} is not in the bag: {parameters["arm"]} is used')
+            return load_arm(str(parameters['arm']), base=base, tip=tip)
+        description = self.topic(*_DESCRIPTION)
+        message = next(self.bag.messages([description]), None) if description else None
+        if message is not None:
+            self._note(f'the arm of {node} is taken from robot_description')
+            return load_arm(self.bag.decode(message).data, base=base, tip=tip)
+        raise InputError(
+            f'bag {self.bag.path}',
+            f'says nothing of the arm of {node} (no arm file, no parameters, no '
+            'robot_description): name it with --arm',
+        )
+
+    def check_overrides(self, known: Mapping[str, set[str]]) -> None:
+        """Raise `InputError` for an override that no replayed node has."""
+        names = sorted({name for settings in known.values() for name in settings})
+        for key in self.overrides:
+            owner, _, name = key.rpartition('.')
+            owners = [owner] if owner else list(known)
+            if not any(name in known.get(node, ()) for node in owners):
+                raise InputError(
+                    f'override {key!r}', f'is no parameter of the replay; there are {names}'
+                )
+
+    def _note(self, text: str) -> None:
+        if text not in self.notes:
+            self.notes.append(text)
