@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import rclpy
+from rclpy.logging import LoggingSeverity
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
@@ -25,7 +26,7 @@ from ft_manip_ros.nodes import topics
 from ft_manip_ros.nodes.demo_arm import ask_workspace, obtain_arm
 from ft_manip_ros.nodes.demo_bag import read_back, replay
 from ft_manip_ros.nodes.demo_domain import own_domain
-from ft_manip_ros.nodes.demo_observer import Observer, StoryError
+from ft_manip_ros.nodes.demo_observer import START_TIME, Observer, StoryError
 from ft_manip_ros.nodes.demo_options import arm_of, chosen_joints, parse_options
 from ft_manip_ros.nodes.demo_picture import draw
 from ft_manip_ros.nodes.demo_processes import Processes
@@ -34,7 +35,6 @@ from ft_manip_ros.nodes.demo_run import execute, start_posture
 from ft_manip_ros.nodes.demo_timeline import Timeline, table, tell_run
 
 _ARM_NODES = ('arm_sim', 'fault_monitor', 'replanner')
-_START_TIME = 60.0  # s, for a process to import, load its kernels and activate
 
 
 class Story:
@@ -86,7 +86,7 @@ class Story:
 
     def _record_to(self, bag: Path) -> None:
         self.processes.start('recorder', {'output': str(bag), 'seed': self.options.seed})
-        self.observer.until_active('recorder', _START_TIME)
+        self.observer.until_active('recorder', START_TIME)
 
     def _start_arm(self, parameters: dict[str, Any], start: Any, *, first: bool) -> None:
         own = {'arm_sim': {'start': start.tolist(), 'seed': self.options.seed}}
@@ -94,7 +94,7 @@ class Story:
         for node in names:
             self.processes.start(node, {**parameters, **own.get(node, {})})
         for node in names:
-            self.observer.until_active(node, _START_TIME)
+            self.observer.until_active(node, START_TIME)
 
     def _until_joined(self) -> None:
         """Wait until everybody hears everybody; the recorder included."""
@@ -125,11 +125,14 @@ class Story:
         self.processes.stop('recorder', *_ARM_NODES)
         observer.forget()
         tell_run(timeline, record)
-        read_back(self._bag(k), record, k == 0, timeline)
-        replay(self._bag(k), timeline)
         picture = Path(self.options.output) / ('demo.png' if k == 0 else f'demo_{k + 1}.png')
         draw(record, picture)
         timeline.line('demo', f'picture: {picture}', good=True)
+        try:
+            read_back(self._bag(k), record, k == 0, timeline)
+            replay(self._bag(k), timeline)
+        except StoryError as error:
+            problems.append(str(error))
         self.records.append(record)
         self.problems.append(problems)
 
@@ -187,6 +190,8 @@ def _tell(options: argparse.Namespace, arguments: list[str], timeline: Timeline)
     try:
         with Processes(options.output / 'logs') as processes:
             observer = Observer()
+            # Its own life cycle is not part of the story.
+            observer.get_logger().set_level(LoggingSeverity.WARN)
             try:
                 return Story(options, observer, processes, timeline).tell()
             finally:

@@ -7,6 +7,8 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+from lifecycle_msgs.msg import Transition
+
 from ft_manip_interfaces.msg import DesignCandidate, FtwsAnswer
 from ft_manip_interfaces.srv import QueryFtws
 from ft_manip_ros.core.arm_file import load_arm, save_dh
@@ -14,7 +16,7 @@ from ft_manip_ros.core.chain import Array, SerialChain
 from ft_manip_ros.core.goal import Task
 from ft_manip_ros.nodes import topics
 from ft_manip_ros.nodes.conversions import dh_from_message, pose_to_message
-from ft_manip_ros.nodes.demo_observer import Observer, StoryError
+from ft_manip_ros.nodes.demo_observer import START_TIME, Observer, StoryError
 from ft_manip_ros.nodes.demo_options import arm_of
 from ft_manip_ros.nodes.demo_processes import Processes
 from ft_manip_ros.nodes.demo_timeline import Timeline
@@ -44,12 +46,18 @@ def obtain_arm(
         'task': options.task,
         'seed': options.seed,
         'time_budget': options.design_time,
+        'autostart': False,
     }
     processes.start('designer', parameters)
-    timeline.line('designer', f'searches for an arm for {options.task}, seed {options.seed}')
     try:
+        observer.transit('designer', Transition.TRANSITION_CONFIGURE, START_TIME)
+        # It is quick: whoever wants to see candidates has to be there before it begins.
+        observer.until_joined(topics.DESIGN_CANDIDATES, publishers=1, subscriptions=2)
+        observer.until_joined(topics.DESIGN_FINAL, publishers=1, subscriptions=2)
+        observer.transit('designer', Transition.TRANSITION_ACTIVATE, START_TIME)
+        timeline.line('designer', f'searches for an arm for {options.task}, seed {options.seed}')
         final = observer.until(
-            lambda: observer.final, options.design_time + 40.0, 'the design to be announced'
+            lambda: observer.final, options.design_time + 20.0, 'the design to be announced'
         )
     finally:
         # A task message would make it search again.

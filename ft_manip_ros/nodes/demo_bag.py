@@ -73,4 +73,5 @@ def replay(bag: Path, timeline: Timeline) -> None:
             f'the replay does not reproduce the run (exit code {done.returncode}): '
             + '; '.join(lines[-3:])
         )
-    timeline.line('replay', lines[-1] if lines else 'reproduces the run', good=True)
+    summary = next((line for line in lines if 'differences' in line), 'reproduced')
+    timeline.line('replay', f'the same cores, fed from the bag: {summary}', good=True)

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 from lifecycle_msgs.msg import State
-from lifecycle_msgs.srv import GetState
+from lifecycle_msgs.srv import ChangeState, GetState
 from rclpy.executors import SingleThreadedExecutor
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
@@ -16,6 +16,10 @@ from ft_manip_interfaces.msg import DesignCandidate, FaultState, RecoveryPlan
 from ft_manip_interfaces.msg import Task as TaskMessage
 from ft_manip_ros.nodes import topics
 from ft_manip_ros.nodes.managed_node import ManagedNode
+
+# For a process to import, configure and activate (s). A few seconds, but minutes where kernels
+# have to be compiled first: `make warm` does that beforehand.
+START_TIME = 300.0
 
 
 class StoryError(RuntimeError):
@@ -95,6 +99,13 @@ class Observer(ManagedNode):
             answer = self.call(GetState, f'{node}/get_state', GetState.Request(), timeout=left)
             if answer.current_state.id == State.PRIMARY_STATE_ACTIVE:
                 return
+
+    def transit(self, node: str, transition: int, timeout: float) -> None:
+        """Lead a lifecycle node through a transition."""
+        request = ChangeState.Request()
+        request.transition.id = transition
+        if not self.call(ChangeState, f'{node}/change_state', request, timeout=timeout).success:
+            raise StoryError(f'{node} refused transition {transition}')
 
     def until_joined(self, topic: str, *, publishers: int, subscriptions: int) -> None:
         """Wait until a topic has its publishers and subscriptions, this node's included."""
