@@ -332,6 +332,41 @@ def widest(
 
 
 @njit(cache=True, nogil=True)
+def within_tolerance(
+    chain: ChainArrays,
+    task: TaskArrays,
+    q: Array,
+    is_free: NDArray[np.bool_],
+    halves: Array,
+    start: float,
+    guess: float,
+    smallest: float,
+    tolerance: float,
+    s: Scratch,
+) -> float:
+    """Largest half-width over which the family with y = 0 itself stays within the tolerance.
+
+    Where the Jacobian is singular (on the boundary of a ROD's work space) nothing can be
+    corrected, but the tangent posture misses the goal only to higher order.
+    """
+    h = guess
+    while h >= smallest:
+        halves[0] = h
+        if start + error_bound(chain, task, halves, 0.0, s) <= tolerance:
+            inside = True
+            for i in range(q.shape[0]):
+                if is_free[i] and not chain.wraps[i]:
+                    inside = inside and (
+                        q[i] - s.box[i] >= chain.lower[i] and q[i] + s.box[i] <= chain.upper[i]
+                    )
+            if inside:
+                return h
+        h *= 0.6
+    halves[0] = 0.0
+    return 0.0
+
+
+@njit(cache=True, nogil=True)
 def slack(
     chain: ChainArrays,
     task: TaskArrays,

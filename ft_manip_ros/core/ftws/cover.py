@@ -15,6 +15,7 @@ from ft_manip_ros.core.ftws.certify import (
     self_motion,
     slack,
     widest,
+    within_tolerance,
 )
 from ft_manip_ros.core.ftws.posture import correct
 from ft_manip_ros.core.ftws.task_map import TaskArrays
@@ -23,6 +24,8 @@ from ft_manip_ros.core.ftws.task_map import TaskArrays
 _START_RESIDUAL = 1e-6
 _NEWTON_STEPS = 4
 _OVERLAP = 0.9
+# First half-width to try at a singular posture (rad or m).
+_SINGULAR_WIDTH = 0.02
 # Share of a piece's width that is used when a ball of goals is wanted as well.
 _WITH_MARGIN = 0.7
 
@@ -37,20 +40,33 @@ def certify_at(
     combo: NDArray[np.int64],
     halves: Array,
     radius: float,
+    tolerance: float,
     guess: float,
     smallest: float,
     s: Scratch,
 ) -> float:
-    """Correct ``q`` (changed) and return the half-width certified around its frozen angle."""
+    """Correct ``q`` (changed) and return the half-width certified around its frozen angle.
+
+    Parameters
+    ----------
+    radius : float
+        Ball of goals (m) to certify for; with 0, postures that only come within ``tolerance``
+        count as well.
+    """
     norm = correct(
         chain, task, goal, q, is_free, s.model, s.weights, s.gram, s.inverse,
-        _START_RESIDUAL * task.length, _NEWTON_STEPS,
+        min(_START_RESIDUAL * task.length, 0.1 * tolerance), _NEWTON_STEPS,
     )  # fmt: skip
     if not norm < 0.1 * task.length:
         return 0.0
     build(chain, task, combo, s)
     start = norm + radius + ABSOLUTE_ROUNDING * (1.0 + task.length)
-    return widest(chain, task, q, is_free, halves, start, guess, smallest, s)
+    h = widest(chain, task, q, is_free, halves, start, guess, smallest, s)
+    if h == 0.0 and radius == 0.0 and start < tolerance:
+        h = within_tolerance(
+            chain, task, q, is_free, halves, start, _SINGULAR_WIDTH, smallest, tolerance, s
+        )
+    return h
 
 
 @njit(cache=True, nogil=True)
@@ -94,6 +110,7 @@ def sweep(
     combo_index: int,
     halves: Array,
     radius: float,
+    tolerance: float,
     width: float,
     end: float,
     smallest: float,
@@ -143,7 +160,7 @@ def sweep(
                     s.trial[i] += delta * (s.kept[1, i] + delta * s.kept[2, i]) + s.kept[3, i]
             s.trial[first] = target
             h = certify_at(
-                chain, task, goal, s.trial, is_free, combo, halves, radius, h, smallest, s
+                chain, task, goal, s.trial, is_free, combo, halves, radius, tolerance, h, smallest, s
             )
             count[1] += 1
             # The overlap that the pieces' ends need against rounding of the angle itself.

@@ -86,8 +86,8 @@ def _find(
                 w.chosen[i] = w.q[i]
         if residual <= effort.tolerance:
             h = certify_at(
-                chain, task, goal, w.q, w.is_free, combo, w.halves, effort.radius, guess,
-                effort.smallest_step, s,
+                chain, task, goal, w.q, w.is_free, combo, w.halves, effort.radius,
+                effort.tolerance, guess, effort.smallest_step, s,
             )  # fmt: skip
             count[1] += 1
             if h > widest:
@@ -230,8 +230,8 @@ def cover(
                 continue
             if outcome == -1:
                 h = certify_at(
-                    chain, task, goal, w.chosen, w.is_free, combo, w.halves, effort.radius, 0.1,
-                    effort.smallest_step, s,
+                    chain, task, goal, w.chosen, w.is_free, combo, w.halves, effort.radius,
+                    effort.tolerance, 0.1, effort.smallest_step, s,
                 )  # fmt: skip
         if h == 0.0:
             # Reachable, or nearly, but not certified over this box: look at smaller ones.
@@ -253,8 +253,8 @@ def cover(
             for i in range(n):
                 w.q[i] = w.chosen[i]
             h = certify_at(
-                chain, task, goal, w.q, w.is_free, combo, w.halves, effort.radius, h,
-                effort.smallest_step, s,
+                chain, task, goal, w.q, w.is_free, combo, w.halves, effort.radius,
+                effort.tolerance, h, effort.smallest_step, s,
             )  # fmt: skip
             if h == 0.0:
                 break
@@ -263,7 +263,7 @@ def cover(
                 record(pieces, count, combo_index, w.q, combo, w.halves)
             frontier = sweep(
                 chain, task, goal, w.q, w.is_free, combo, combo_index, w.halves, effort.radius,
-                h, hi[0] if side == 0 else lo[0], effort.smallest_step, numbers, pieces, count, s,
+                effort.tolerance, h, hi[0] if side == 0 else lo[0], effort.smallest_step, numbers, pieces, count, s,
             )  # fmt: skip
             if side == 0:
                 right = frontier

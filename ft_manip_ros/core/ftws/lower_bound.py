@@ -5,8 +5,9 @@ On a box of postures around c, with u any unit vector::
     |F(c + d)| >= u . F(c + d) >= u . F(c) + sum_i g_i d_i + 1/2 sum_ik H_ik d_i d_k - T / 6
 
 with the exact gradient g and Hessian H of ``u . F`` at c and a bound T of the third derivative
-over the box. The first free joint, where it turns without limits, is minimised in closed form:
-the goal becomes a circle about its axis and the box loses a dimension.
+over the box. The first free joint, if revolute, is minimised in closed form: the goal becomes a
+circle about its axis and the box loses a dimension. Where that joint has limits, the circle is a
+relaxation, and boxes that would need it beyond them are judged at its limits instead.
 """
 
 from __future__ import annotations
@@ -25,12 +26,12 @@ from ft_manip_ros.core.ftws.task_map import TaskArrays
 
 @njit(cache=True, nogil=True)
 def spin_joint(chain: ChainArrays, task: TaskArrays, is_free: NDArray[np.bool_]) -> int:
-    """First free joint if it turns without limits and only the position counts, else -1."""
+    """First free joint if it is revolute and only the position counts, else -1."""
     if task.orientation_rows.shape[0] > 0:
         return -1
     for i in range(is_free.shape[0]):
         if is_free[i]:
-            return i if chain.wraps[i] else -1
+            return -1 if chain.prismatic[i] else i
     return -1
 
 
@@ -283,6 +284,33 @@ def aim_at(
 
 
 @njit(cache=True, nogil=True)
+def _spread(
+    chain: ChainArrays, spin: int, half: Array, model: LocalModel, radius: float, crude: float
+) -> tuple[float, float]:
+    """How near to the spin axis the tool comes over a box, and how far it goes round (m)."""
+    zx, zy, zz = model.axes[spin, 0], model.axes[spin, 1], model.axes[spin, 2]
+    tx = model.tip[0] - model.origins[spin, 0]
+    ty = model.tip[1] - model.origins[spin, 1]
+    tz = model.tip[2] - model.origins[spin, 2]
+    along = tx * zx + ty * zy + tz * zz
+    rx = (tx - along * zx) / radius
+    ry = (ty - along * zy) / radius
+    rz = (tz - along * zz) / radius
+    sx, sy, sz = zy * rz - zz * ry, zz * rx - zx * rz, zx * ry - zy * rx
+    radial = sideways = total = 0.0
+    for k in range(half.shape[0]):
+        if half[k] > 0.0:
+            lx, ly, lz = model.linear[k, 0], model.linear[k, 1], model.linear[k, 2]
+            radial += abs(rx * lx + ry * ly + rz * lz) * half[k]
+            sideways += abs(sx * lx + sy * ly + sz * lz) * half[k]
+            if not chain.prismatic[k]:
+                total += half[k]
+    remainder = crude * total  # bounds half the second derivative over the box
+    nearest = radius - min(radial + remainder, crude)
+    return nearest, min(sideways + remainder, crude)
+
+
+@njit(cache=True, nogil=True)
 def _circle_correction(
     chain: ChainArrays,
     spin: int,
@@ -298,29 +326,51 @@ def _circle_correction(
     in the tool's position: the projection bounds it from below. Where the tool is nearer to the
     axis than the goal an upper bound is needed: ``sqrt(a^2 + b^2) <= a + b^2 / (2 a)``.
     """
-    zx, zy, zz = model.axes[spin, 0], model.axes[spin, 1], model.axes[spin, 2]
-    tx = model.tip[0] - model.origins[spin, 0]
-    ty = model.tip[1] - model.origins[spin, 1]
-    tz = model.tip[2] - model.origins[spin, 2]
-    along = tx * zx + ty * zy + tz * zz
-    rx = (tx - along * zx) / radius
-    ry = (ty - along * zy) / radius
-    rz = (tz - along * zz) / radius
-    outward = u[0] * rx + u[1] * ry + u[2] * rz
+    along = outward = 0.0
+    for a in range(3):
+        along += (model.tip[a] - model.origins[spin, a]) * model.axes[spin, a]
+    for a in range(3):
+        across = model.tip[a] - model.origins[spin, a] - along * model.axes[spin, a]
+        outward += u[a] * across / radius
     if outward >= 0.0:
         return 0.0
-    sx, sy, sz = zy * rz - zz * ry, zz * rx - zx * rz, zx * ry - zy * rx
-    radial = sideways = total = 0.0
-    for k in range(half.shape[0]):
-        if half[k] > 0.0:
-            lx, ly, lz = model.linear[k, 0], model.linear[k, 1], model.linear[k, 2]
-            radial += abs(rx * lx + ry * ly + rz * lz) * half[k]
-            sideways += abs(sx * lx + sy * ly + sz * lz) * half[k]
-            if not chain.prismatic[k]:
-                total += half[k]
-    remainder = crude * total  # bounds half the second derivative over the box
-    nearest = radius - min(radial + remainder, crude)
+    nearest, sideways = _spread(chain, spin, half, model, radius, crude)
     if nearest <= 0.0:
         return math.inf
-    sideways = min(sideways + remainder, crude)
     return -outward * sideways * sideways / (2.0 * nearest)
+
+
+@njit(cache=True, nogil=True)
+def beyond_limits(
+    chain: ChainArrays, goal: Array, spin: int, centre: Array, half: Array, model: LocalModel
+) -> bool:
+    """Whether nowhere in the box the spin joint can turn the tool to the goal's side.
+
+    Then the nearest that it gets is at one of its limits, since the distance to the goal has a
+    single minimum over a turn. Expects the model of `lower_bound` on the same box.
+    """
+    if chain.wraps[spin]:
+        return False
+    zx, zy, zz = model.axes[spin, 0], model.axes[spin, 1], model.axes[spin, 2]
+    ox, oy, oz = model.origins[spin, 0], model.origins[spin, 1], model.origins[spin, 2]
+    tx, ty, tz = model.tip[0] - ox, model.tip[1] - oy, model.tip[2] - oz
+    gx, gy, gz = goal[0] - ox, goal[1] - oy, goal[2] - oz
+    t_along = tx * zx + ty * zy + tz * zz
+    g_along = gx * zx + gy * zy + gz * zz
+    tx, ty, tz = tx - t_along * zx, ty - t_along * zy, tz - t_along * zz
+    gx, gy, gz = gx - g_along * zx, gy - g_along * zy, gz - g_along * zz
+    radius = math.sqrt(tx * tx + ty * ty + tz * tz)
+    if radius < 1e-12 or math.sqrt(gx * gx + gy * gy + gz * gz) < 1e-9:
+        return False
+    sine = zx * (ty * gz - tz * gy) + zy * (tz * gx - tx * gz) + zz * (tx * gy - ty * gx)
+    turn = centre[spin] + math.atan2(sine, tx * gx + ty * gy + tz * gz)
+    nearest, sideways = _spread(
+        chain, spin, half, model, radius, _crude(chain, model.distance, 0.0, half)
+    )
+    if nearest <= sideways:
+        return False
+    width = math.asin(sideways / nearest) + 1e-9
+    # The window turned so that it starts at or after the lower limit.
+    start = turn - width
+    start -= 2.0 * math.pi * math.floor((start - chain.lower[spin]) / (2.0 * math.pi))
+    return start > chain.upper[spin] and start + 2.0 * width < chain.lower[spin] + 2.0 * math.pi

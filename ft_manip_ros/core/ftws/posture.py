@@ -20,6 +20,7 @@ _LIMIT_ZONE = 0.4
 # Least weight of a joint at its limit, so that it can still leave it.
 _LEAST_WEIGHT = 1e-4
 _LARGEST_STEP = 0.6
+_SINGULAR_DAMPING = 1e-8
 _SEARCH_ITERATIONS = 60
 
 
@@ -98,19 +99,27 @@ def limit_push(lower: float, upper: float, q: float) -> float:
 
 @njit(cache=True, nogil=True)
 def weighted_inverse(jacobian: Array, weights: Array, gram: Array, inverse: Array) -> bool:
-    """Right inverse ``W J^T (J W J^T)^-1`` into ``inverse`` (n, m); False where singular.
+    """Right inverse ``W J^T (J W J^T)^-1`` into ``inverse`` (n, m); damped where singular.
 
-    ``gram`` (m, m) is left holding the Cholesky factor.
+    ``gram`` (m, m) is left holding the Cholesky factor. False where even damping does not help.
     """
     m, n = jacobian.shape
-    for a in range(m):
-        for b in range(a + 1):
-            value = 0.0
-            for i in range(n):
-                value += jacobian[a, i] * weights[i] * jacobian[b, i]
-            gram[a, b] = value
-    if not cholesky(gram):
-        return False
+    for attempt in range(2):
+        scale = 0.0
+        for a in range(m):
+            for b in range(a + 1):
+                value = 0.0
+                for i in range(n):
+                    value += jacobian[a, i] * weights[i] * jacobian[b, i]
+                gram[a, b] = value
+            scale += gram[a, a]
+        if attempt == 1:
+            for a in range(m):
+                gram[a, a] += _SINGULAR_DAMPING * scale
+        if cholesky(gram):
+            break
+        if attempt == 1:
+            return False
     for i in range(n):
         if weights[i] == 0.0:
             for a in range(m):

@@ -11,12 +11,14 @@ from numpy.typing import NDArray
 from ft_manip_ros.core.chain import Array, ChainArrays
 from ft_manip_ros.core.ftws.certify import Scratch
 from ft_manip_ros.core.ftws.local_model import evaluate
-from ft_manip_ros.core.ftws.lower_bound import aim_at, lower_bound, spin_joint
+from ft_manip_ros.core.ftws.lower_bound import aim_at, beyond_limits, lower_bound, spin_joint
 from ft_manip_ros.core.ftws.posture import descend
 from ft_manip_ros.core.ftws.task_map import TaskArrays
 
 # Share of the smallest residual found that the boxes have to prove: the ball of lost goals.
 _PROVED_SHARE = 0.3
+# Half-width that stands for a whole turn of the spin joint, minimised in closed form.
+_ANY = -1.0
 
 
 @njit(cache=True, nogil=True)
@@ -67,9 +69,10 @@ def refute(
             spin = -1  # its axis would move
             break
     spare = np.empty((2, 6))
-    aim = np.empty(6)
+    aim, aim_round = np.empty(6), np.empty(6)
     evaluate(chain, task, goal, q, s.model)
-    aim_at(task, goal, spin, s.model, spare, aim)
+    aim_at(task, goal, -1, s.model, spare, aim)
+    aim_at(task, goal, spin, s.model, spare, aim_round)
     share = np.empty(n)
     post = np.empty(n)
     centre, half = np.empty(n), np.empty(n)
@@ -79,7 +82,7 @@ def refute(
             stack[1, 0, i] = frozen_half[i]
         elif i == spin:
             stack[0, 0, i] = 0.0
-            stack[1, 0, i] = 0.0
+            stack[1, 0, i] = _ANY
         else:
             stack[0, 0, i] = 0.5 * (chain.lower[i] + chain.upper[i])
             stack[1, 0, i] = 0.5 * (chain.upper[i] - chain.lower[i])
@@ -94,16 +97,31 @@ def refute(
         for i in range(n):
             centre[i] = stack[0, top, i]
             half[i] = stack[1, top, i]
+        round_axis = spin if spin >= 0 and half[spin] == _ANY else -1
+        if round_axis >= 0:
+            half[spin] = 0.0
         target = enough + _PROVED_SHARE * (best - enough)
         bound, norm = lower_bound(
-            chain, task, goal, spin, centre, half, aim, s.model, spare, share
-        )
+            chain, task, goal, round_axis, centre, half,
+            aim_round if round_axis >= 0 else aim, s.model, spare, share,
+        )  # fmt: skip
         if bound > target:
             proved = min(proved, bound)
             continue
-        if norm < 0.7 * best:
+        if round_axis >= 0 and beyond_limits(chain, goal, spin, centre, half, s.model):
+            for side in range(2):
+                for i in range(n):
+                    stack[0, top, i] = centre[i]
+                    stack[1, top, i] = half[i]
+                stack[0, top, spin] = chain.lower[spin] if side == 0 else chain.upper[spin]
+                top += 1
+            continue
+        # A circle that leaves the limits promises more than there is: follow it up rarely.
+        if norm < 0.7 * best and (round_axis < 0 or chain.wraps[spin] or boxes % 16 == 0):
             for i in range(n):
                 post[i] = centre[i]
+            if round_axis >= 0 and not chain.wraps[spin]:
+                post[spin] = 0.5 * (chain.lower[spin] + chain.upper[spin])
             found = descend(
                 chain, task, goal, post, is_free, s.model, s.weights, s.gram, s.trial,
                 0.1 * tolerance,
@@ -111,7 +129,8 @@ def refute(
             if found < best:
                 best = found
                 evaluate(chain, task, goal, post, s.model)
-                aim_at(task, goal, spin, s.model, spare, aim)
+                aim_at(task, goal, -1, s.model, spare, aim)
+                aim_at(task, goal, spin, s.model, spare, aim_round)
             if best <= tolerance:
                 for i in range(n):
                     q[i] = post[i]
@@ -125,6 +144,8 @@ def refute(
         if half[worst] < 1e-9:
             return 0, best, boxes
         half[worst] *= 0.5
+        if round_axis >= 0:
+            half[spin] = _ANY
         for side in (-1.0, 1.0):
             for i in range(n):
                 stack[0, top, i] = centre[i]
