@@ -9,10 +9,10 @@ from functools import lru_cache
 import numpy as np
 
 from ft_manip_ros.core.chain import Array, ChainArrays, SerialChain
-from ft_manip_ros.core.ftws.certify import make_scratch
 from ft_manip_ros.core.ftws.problem import Problem, goal_rows, prepare
 from ft_manip_ros.core.ftws.query import distance_off_plane
 from ft_manip_ros.core.ftws.refute import refute
+from ft_manip_ros.core.ftws.taylor import make_scratch
 from ft_manip_ros.core.goal import Goal
 
 # Goals are lost only if they are so for frozen positions this many standard deviations off.
