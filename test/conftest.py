@@ -17,6 +17,12 @@ from support.processes import NodeProcess
 StartNode = Callable[..., NodeProcess]
 
 
+@pytest.fixture(scope='session', autouse=True)
+def _never_the_default_domain() -> Iterator[None]:
+    with free_domain():
+        yield
+
+
 @pytest.fixture(scope='module')
 def ros_domain() -> Iterator[int]:
     """Give the module's tests a ROS_DOMAIN_ID that no other process uses, on loopback only."""
