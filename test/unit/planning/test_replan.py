@@ -103,11 +103,10 @@ def test_point_off_the_plane_is_proved_lost():
 
 
 def test_too_small_a_budget_leaves_it_undecided():
-    arm = planar([1.0, 1.0, 1.0], limit=np.pi / 4.0)
-    found = plan(arm, [Goal([1.5, 0.0, 0.0])], frozen={'j0': 0.0})
-    small = prove(arm, found, PlanSettings(proof_boxes=1)).plan
+    found = plan(TABLE_3, [Goal([0.0, 0.0, 3.3])], frozen={'joint_4': 0.0})
+    small = prove(TABLE_3, found, PlanSettings(proof_boxes=1)).plan
     assert small.outcomes[0].outcome == Outcome.UNDECIDED
-    assert prove(arm, found, SETTINGS).plan.outcomes[0].outcome == Outcome.LOST
+    assert prove(TABLE_3, found, SETTINGS).plan.outcomes[0].outcome == Outcome.LOST
 
 
 def test_uncertain_frozen_position_is_not_proved_lost():
