@@ -11,7 +11,6 @@ import pytest
 from action_msgs.msg import GoalStatus
 from rclpy.action import ActionClient
 from std_msgs.msg import String
-from support.dense_reach import dh_frame
 
 from ft_manip_interfaces.action import DesignArm
 from ft_manip_interfaces.msg import DesignCandidate
@@ -21,6 +20,7 @@ from ft_manip_ros.core.task_file import load_task
 from ft_manip_ros.core.urdf import chain_from_urdf
 from ft_manip_ros.nodes import topics
 from ft_manip_ros.nodes.conversions import task_to_message
+from support.dense_reach import dh_frame
 
 pytestmark = pytest.mark.node
 

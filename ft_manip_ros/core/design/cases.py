@@ -17,12 +17,12 @@ from ft_manip_ros.core.design.dh_kernels import (
     dh_gradient,
 )
 from ft_manip_ros.core.design.frozen_sets import FrozenSets
-from ft_manip_ros.core.design.inner import minimise
+from ft_manip_ros.core.design.penalty import penalty
 from ft_manip_ros.core.design.problem import ZERO
-from ft_manip_ros.core.design.restarts import MAX_ITERATIONS, RandomState, solve_with_restarts
+from ft_manip_ros.core.design.restarts import RandomState, solve_with_restarts
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model='numpy')
 def pool_values(
     method: int,
     rows: DhRows,
@@ -66,20 +66,11 @@ def pool_values(
     for c in range(case_goals.shape[0]):
         goal = case_goals[c]
         free = sets.free[case_sets[c]]
-        value, used = minimise(
-            method, rows, goals, goal, limits, free, postures[c], zero, MAX_ITERATIONS, work
-        )
+        value, used = solve_with_restarts(
+            method, rows, goals, goal, limits, free, postures[c], zero, restarts, state, work,
+            trial,
+        )  # fmt: skip
         evaluations += used
-        if value > zero and restarts > 0:
-            value, used = solve_with_restarts(
-                method, rows, goals, goal, limits, free, postures[c], value, zero,
-                restarts, state, work, trial,
-            )  # fmt: skip
-            # The scratch memory must describe the posture kept, not the last one tried.
-            value, last = minimise(
-                method, rows, goals, goal, limits, free, postures[c], zero, 0, work
-            )
-            evaluations += used + last
         values[c] = value
         for k in range(gradients.shape[1]):
             gradients[c, k] = 0.0
@@ -87,6 +78,8 @@ def pool_values(
             total += value
             if total > give_up:
                 return total, evaluations
+            # The scratch memory must describe the posture kept, not the last one tried.
+            penalty(rows, goals, goal, limits, free, postures[c], work)
             dh_gradient(goals.modes[goal], work, gradients[c])
             size = np.sqrt(value)
             for k in range(gradients.shape[1]):

@@ -50,24 +50,29 @@ class Goals(NamedTuple):
     modes: IntArray  # (G,), POSITION, POSE or AXIS
 
 
-class Work(NamedTuple):
-    """Scratch memory of one solver, so that the hot loops allocate nothing."""
+# Scratch memory of one solver: one array (planes, n + SPARE_ROWS, columns), so that the hot loops
+# allocate nothing and the compiler has a single array to follow. Planes:
+Z = 0  # (n, 3), joint axes
+X = 1  # (n, 3), x axes after each joint's rotation
+ORIGIN = 2  # (n+1, 3), frame origins, m; the last one is the tool
+ROTATION = 3  # (3, 3), tool
+COLUMN = 4  # (6, n), geometric Jacobian
+COLUMN_BEFORE = 5  # (6, n)
+HESSIAN = 6  # (f, f), over the f free joints
+FACTOR = 7  # (f, f)
+MATRIX = 8  # (f, f), quasi-Newton matrix
+MEMORY = 9  # rows for the quasi-Newton update
+VECTORS = 10  # the rows below
+_PLANES = 11
+# Rows of VECTORS:
+ERROR = 0  # (6,), position error (m) above rotation error (rad)
+VIOLATION = 1  # (n,), rad, signed distance past the nearest limit
+GRADIENT = 2  # (f,)
+STEP = 3  # (f,)
+TRIAL = 4  # (n,)
+SPARE_ROWS = 8
 
-    z: Array  # (n, 3), joint axes
-    x: Array  # (n, 3), x axes after each joint's rotation
-    origin: Array  # (n+1, 3), frame origins; the last one is the tool
-    rotation: Array  # (3, 3), tool
-    error: Array  # (6,), position error (m) above rotation error (rad)
-    column: Array  # (6, n), geometric Jacobian
-    violation: Array  # (n,), rad, signed distance past the nearest limit
-    gradient: Array  # (n,)
-    hessian: Array  # (n, n)
-    factor: Array  # (n, n)
-    step: Array  # (n,)
-    trial: Array  # (n,)
-    memory: Array  # (8, n), for the quasi-Newton update
-    matrix: Array  # (n, n), quasi-Newton matrix
-    column_before: Array  # (6, n)
+Work = NDArray[np.float64]
 
 
 def make_rows(d: Array, a: Array, alpha: Array) -> DhRows:
@@ -80,44 +85,27 @@ def make_rows(d: Array, a: Array, alpha: Array) -> DhRows:
     )
 
 
-@njit(cache=True, nogil=True)
 def make_work(n: int) -> Work:
     """Return scratch memory for an arm of ``n`` joints."""
-    return Work(
-        np.zeros((n, 3)),
-        np.zeros((n, 3)),
-        np.zeros((n + 1, 3)),
-        np.zeros((3, 3)),
-        np.zeros(6),
-        np.zeros((6, n)),
-        np.zeros(n),
-        np.zeros(n),
-        np.zeros((n, n)),
-        np.zeros((n, n)),
-        np.zeros(n),
-        np.zeros(n),
-        np.zeros((8, n)),
-        np.zeros((n, n)),
-        np.zeros((6, n)),
-    )
+    return np.zeros((_PLANES, n + SPARE_ROWS, max(n, SPARE_ROWS)))
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model='numpy')
 def frames(rows: DhRows, q: Array, work: Work) -> None:
     """Forward kinematics of T_i = Rz(q_i) Tz(d_i) Tx(a_i) Rx(alpha_i), written into ``work``."""
     r00, r01, r02 = 1.0, 0.0, 0.0
     r10, r11, r12 = 0.0, 1.0, 0.0
     r20, r21, r22 = 0.0, 0.0, 1.0
     px, py, pz = 0.0, 0.0, 0.0
-    n = q.shape[0]
+    n = rows.a.shape[0]
     for i in range(n):
-        work.origin[i, 0], work.origin[i, 1], work.origin[i, 2] = px, py, pz
-        work.z[i, 0], work.z[i, 1], work.z[i, 2] = r02, r12, r22
+        work[ORIGIN, i, 0], work[ORIGIN, i, 1], work[ORIGIN, i, 2] = px, py, pz
+        work[Z, i, 0], work[Z, i, 1], work[Z, i, 2] = r02, r12, r22
         c, s = math.cos(q[i]), math.sin(q[i])
         r00, r01 = r00 * c + r01 * s, r01 * c - r00 * s
         r10, r11 = r10 * c + r11 * s, r11 * c - r10 * s
         r20, r21 = r20 * c + r21 * s, r21 * c - r20 * s
-        work.x[i, 0], work.x[i, 1], work.x[i, 2] = r00, r10, r20
+        work[X, i, 0], work[X, i, 1], work[X, i, 2] = r00, r10, r20
         a, d = rows.a[i], rows.d[i]
         px += a * r00 + d * r02
         py += a * r10 + d * r12
@@ -126,29 +114,29 @@ def frames(rows: DhRows, q: Array, work: Work) -> None:
         r01, r02 = r01 * c + r02 * s, r02 * c - r01 * s
         r11, r12 = r11 * c + r12 * s, r12 * c - r11 * s
         r21, r22 = r21 * c + r22 * s, r22 * c - r21 * s
-    work.origin[n, 0], work.origin[n, 1], work.origin[n, 2] = px, py, pz
-    work.rotation[0, 0], work.rotation[0, 1], work.rotation[0, 2] = r00, r01, r02
-    work.rotation[1, 0], work.rotation[1, 1], work.rotation[1, 2] = r10, r11, r12
-    work.rotation[2, 0], work.rotation[2, 1], work.rotation[2, 2] = r20, r21, r22
+    work[ORIGIN, n, 0], work[ORIGIN, n, 1], work[ORIGIN, n, 2] = px, py, pz
+    work[ROTATION, 0, 0], work[ROTATION, 0, 1], work[ROTATION, 0, 2] = r00, r01, r02
+    work[ROTATION, 1, 0], work[ROTATION, 1, 1], work[ROTATION, 1, 2] = r10, r11, r12
+    work[ROTATION, 2, 0], work[ROTATION, 2, 1], work[ROTATION, 2, 2] = r20, r21, r22
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model='numpy')
 def tool_error(goals: Goals, goal: int, work: Work) -> float:
-    """Fill ``work.error`` from the frames in ``work``; return its squared norm.
+    """Fill the row ERROR from the frames in ``work``; return its squared norm.
 
     The position error is p - p_goal; the rotation error is the rotation vector (base frame) that
     leads from the goal's orientation (or z axis) to the tool's.
     """
-    n = work.z.shape[0]
+    n = work.shape[1] - SPARE_ROWS
     total = 0.0
     for k in range(3):
-        work.error[k] = work.origin[n, k] - goals.positions[goal, k]
-        work.error[3 + k] = 0.0
-        total += work.error[k] ** 2
+        work[VECTORS, ERROR, k] = work[ORIGIN, n, k] - goals.positions[goal, k]
+        work[VECTORS, ERROR, 3 + k] = 0.0
+        total += work[VECTORS, ERROR, k] ** 2
     mode = goals.modes[goal]
     if mode == POSITION:
         return total
-    r, g = work.rotation, goals.orientations[goal]
+    r, g = work[ROTATION], goals.orientations[goal]
     if mode == POSE:
         # e = R R_goal^T, its antisymmetric part and trace
         trace = 0.0
@@ -175,49 +163,49 @@ def tool_error(goals: Goals, goal: int, work: Work) -> float:
     elif cosine < 0.0:
         # Half a turn: the axis is lost; any axis is an honest size and leads away from here.
         vx, vy, vz = math.pi, 0.0, 0.0
-    work.error[3], work.error[4], work.error[5] = vx, vy, vz
+    work[VECTORS, ERROR, 3], work[VECTORS, ERROR, 4], work[VECTORS, ERROR, 5] = vx, vy, vz
     return total + vx * vx + vy * vy + vz * vz
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model='numpy')
 def jacobian_columns(mode: int, work: Work) -> None:
-    """Fill ``work.column`` (6, n) from the frames: linear rows above angular rows."""
-    n = work.z.shape[0]
+    """Fill the plane COLUMN from the frames: linear rows above angular rows."""
+    n = work.shape[1] - SPARE_ROWS
     for i in range(n):
-        zx, zy, zz = work.z[i, 0], work.z[i, 1], work.z[i, 2]
-        dx = work.origin[n, 0] - work.origin[i, 0]
-        dy = work.origin[n, 1] - work.origin[i, 1]
-        dz = work.origin[n, 2] - work.origin[i, 2]
-        work.column[0, i] = zy * dz - zz * dy
-        work.column[1, i] = zz * dx - zx * dz
-        work.column[2, i] = zx * dy - zy * dx
+        zx, zy, zz = work[Z, i, 0], work[Z, i, 1], work[Z, i, 2]
+        dx = work[ORIGIN, n, 0] - work[ORIGIN, i, 0]
+        dy = work[ORIGIN, n, 1] - work[ORIGIN, i, 1]
+        dz = work[ORIGIN, n, 2] - work[ORIGIN, i, 2]
+        work[COLUMN, 0, i] = zy * dz - zz * dy
+        work[COLUMN, 1, i] = zz * dx - zx * dz
+        work[COLUMN, 2, i] = zx * dy - zy * dx
         if mode == POSITION:
-            work.column[3, i], work.column[4, i], work.column[5, i] = 0.0, 0.0, 0.0
+            work[COLUMN, 3, i], work[COLUMN, 4, i], work[COLUMN, 5, i] = 0.0, 0.0, 0.0
         else:
             if mode == AXIS:
                 # Spinning about the tool's own axis changes nothing that the goal asks for.
-                tx, ty, tz = work.rotation[0, 2], work.rotation[1, 2], work.rotation[2, 2]
+                tx, ty, tz = work[ROTATION, 0, 2], work[ROTATION, 1, 2], work[ROTATION, 2, 2]
                 along = zx * tx + zy * ty + zz * tz
                 zx, zy, zz = zx - along * tx, zy - along * ty, zz - along * tz
-            work.column[3, i], work.column[4, i], work.column[5, i] = zx, zy, zz
+            work[COLUMN, 3, i], work[COLUMN, 4, i], work[COLUMN, 5, i] = zx, zy, zz
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model='numpy')
 def dh_gradient(mode: int, work: Work, out: Array) -> None:
     """Gradient of half the squared tool error over the 3n DH parameters (d, a, alpha).
 
     At a posture that minimises the penalty this is also the gradient of the minimum itself
     (envelope theorem), which is what makes descent over the DH parameters cheap.
     """
-    n = work.z.shape[0]
-    e = work.error
+    n = work.shape[1] - SPARE_ROWS
+    e = work[VECTORS, ERROR]
     for i in range(n):
-        x0, x1, x2 = work.x[i, 0], work.x[i, 1], work.x[i, 2]
-        out[i] = e[0] * work.z[i, 0] + e[1] * work.z[i, 1] + e[2] * work.z[i, 2]
+        x0, x1, x2 = work[X, i, 0], work[X, i, 1], work[X, i, 2]
+        out[i] = e[0] * work[Z, i, 0] + e[1] * work[Z, i, 1] + e[2] * work[Z, i, 2]
         out[n + i] = e[0] * x0 + e[1] * x1 + e[2] * x2
-        dx = work.origin[n, 0] - work.origin[i + 1, 0]
-        dy = work.origin[n, 1] - work.origin[i + 1, 1]
-        dz = work.origin[n, 2] - work.origin[i + 1, 2]
+        dx = work[ORIGIN, n, 0] - work[ORIGIN, i + 1, 0]
+        dy = work[ORIGIN, n, 1] - work[ORIGIN, i + 1, 1]
+        dz = work[ORIGIN, n, 2] - work[ORIGIN, i + 1, 2]
         out[2 * n + i] = (
             e[0] * (x1 * dz - x2 * dy) + e[1] * (x2 * dx - x0 * dz) + e[2] * (x0 * dy - x1 * dx)
         )

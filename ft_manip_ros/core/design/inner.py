@@ -7,7 +7,18 @@ import math
 from numba import njit
 
 from ft_manip_ros.core.chain import Array
-from ft_manip_ros.core.design.dh_kernels import DhRows, Goals, IntArray, Limits, Work
+from ft_manip_ros.core.design.dh_kernels import (
+    GRADIENT,
+    HESSIAN,
+    STEP,
+    TRIAL,
+    VECTORS,
+    DhRows,
+    Goals,
+    IntArray,
+    Limits,
+    Work,
+)
 from ft_manip_ros.core.design.inner_hybrid import minimise_hybrid
 from ft_manip_ros.core.design.penalty import derivatives, penalty, solve_shifted
 
@@ -19,7 +30,7 @@ INNER_METHODS = ('newton', 'lm', 'hybrid', 'bounded_lm')
 MAX_STEP = 1.0
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model='numpy')
 def minimise(
     method: int,
     rows: DhRows,
@@ -57,7 +68,7 @@ def minimise(
     )
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model='numpy')
 def minimise_damped(
     second_order: bool,
     rows: DhRows,
@@ -76,7 +87,7 @@ def minimise_damped(
     evaluations = 1
     damping = 1e-4
     for k in range(q.shape[0]):
-        work.trial[k] = q[k]
+        work[VECTORS, TRIAL, k] = q[k]
     at_best = True
     for _ in range(max_iterations):
         if value <= zero or damping > 1e7:
@@ -85,17 +96,17 @@ def minimise_damped(
             break
         before = value
         while damping <= 1e7:
-            if not solve_shifted(size, work.hessian, damping, work.gradient, work):
+            if not solve_shifted(size, work[HESSIAN], damping, work[VECTORS, GRADIENT], work):
                 damping = max(10.0 * damping, 1e-3)
                 continue
             scale = _step_scale(size, work)
             promised = 0.0
             for k in range(size):
                 j = free[k]
-                s = scale * work.step[k]
-                work.trial[j] = q[j] + s
-                promised -= s * work.gradient[k]
-            trial = penalty(rows, goals, goal, limits, free, work.trial, work)
+                s = scale * work[VECTORS, STEP, k]
+                work[VECTORS, TRIAL, j] = q[j] + s
+                promised -= s * work[VECTORS, GRADIENT, k]
+            trial = penalty(rows, goals, goal, limits, free, work[VECTORS, TRIAL], work)
             evaluations += 1
             at_best = trial < value
             if at_best:
@@ -103,7 +114,7 @@ def minimise_damped(
                 gained = 0.5 * (value - trial)
                 value = trial
                 for k in range(size):
-                    q[free[k]] = work.trial[free[k]]
+                    q[free[k]] = work[VECTORS, TRIAL, free[k]]
                 if gained > 0.35 * promised:
                     damping = max(0.1 * damping, 1e-12)
                 elif gained < 0.1 * promised:
@@ -117,7 +128,7 @@ def minimise_damped(
     return value, evaluations
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model='numpy')
 def minimise_bounded(
     rows: DhRows,
     goals: Goals,
@@ -136,7 +147,7 @@ def minimise_bounded(
     evaluations = 1
     damping = 1e-4
     for k in range(q.shape[0]):
-        work.trial[k] = q[k]
+        work[VECTORS, TRIAL, k] = q[k]
     at_best = True
     for _ in range(max_iterations):
         if value <= zero or damping > 1e7:
@@ -146,35 +157,35 @@ def minimise_bounded(
         for row in range(size):
             j = free[row]
             outward = limits.limited[j] and (
-                (q[j] >= limits.upper[j] and work.gradient[row] < 0.0)
-                or (q[j] <= limits.lower[j] and work.gradient[row] > 0.0)
+                (q[j] >= limits.upper[j] and work[VECTORS, GRADIENT, row] < 0.0)
+                or (q[j] <= limits.lower[j] and work[VECTORS, GRADIENT, row] > 0.0)
             )
             if outward:
                 # Held at its limit: take it out of the step.
-                work.gradient[row] = 0.0
+                work[VECTORS, GRADIENT, row] = 0.0
                 for col in range(size):
-                    work.hessian[row, col] = 0.0
-                    work.hessian[col, row] = 0.0
-                work.hessian[row, row] = 1.0
-            norm += work.gradient[row] ** 2
+                    work[HESSIAN, row, col] = 0.0
+                    work[HESSIAN, col, row] = 0.0
+                work[HESSIAN, row, row] = 1.0
+            norm += work[VECTORS, GRADIENT, row] ** 2
         if math.sqrt(norm) <= 1e-7 * math.sqrt(value):
             break
         before = value
         while damping <= 1e7:
-            if not solve_shifted(size, work.hessian, damping, work.gradient, work):
+            if not solve_shifted(size, work[HESSIAN], damping, work[VECTORS, GRADIENT], work):
                 damping = max(10.0 * damping, 1e-6)
                 continue
             scale = _step_scale(size, work)
             for k in range(size):
-                work.trial[free[k]] = q[free[k]] + scale * work.step[k]
-            _clip(free, limits, work.trial)
-            trial = penalty(rows, goals, goal, limits, free, work.trial, work)
+                work[VECTORS, TRIAL, free[k]] = q[free[k]] + scale * work[VECTORS, STEP, k]
+            _clip(free, limits, work[VECTORS, TRIAL])
+            trial = penalty(rows, goals, goal, limits, free, work[VECTORS, TRIAL], work)
             evaluations += 1
             at_best = trial < value
             if at_best:
                 value = trial
                 for k in range(size):
-                    q[free[k]] = work.trial[free[k]]
+                    q[free[k]] = work[VECTORS, TRIAL, free[k]]
                 damping = max(0.2 * damping, 1e-12)
                 break
             damping *= 8.0
@@ -185,16 +196,16 @@ def minimise_bounded(
     return value, evaluations
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model='numpy')
 def _step_scale(size: int, work: Work) -> float:
     length = 0.0
     for k in range(size):
-        length += work.step[k] ** 2
+        length += work[VECTORS, STEP, k] ** 2
     length = math.sqrt(length)
     return 1.0 if length <= MAX_STEP else MAX_STEP / length
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model='numpy')
 def _clip(free: IntArray, limits: Limits, q: Array) -> None:
     for k in range(free.shape[0]):
         j = free[k]

@@ -12,7 +12,23 @@ import math
 from numba import njit
 
 from ft_manip_ros.core.chain import Array
-from ft_manip_ros.core.design.dh_kernels import DhRows, Goals, IntArray, Limits, Work
+from ft_manip_ros.core.design.dh_kernels import (
+    COLUMN,
+    COLUMN_BEFORE,
+    ERROR,
+    GRADIENT,
+    HESSIAN,
+    MATRIX,
+    MEMORY,
+    STEP,
+    TRIAL,
+    VECTORS,
+    DhRows,
+    Goals,
+    IntArray,
+    Limits,
+    Work,
+)
 from ft_manip_ros.core.design.penalty import derivatives, penalty, solve_shifted
 
 # Share of the penalty one step must remove for Gauss-Newton to be kept (Fletcher and Xu: 0.2).
@@ -22,7 +38,7 @@ CURVATURE_SHARE = 0.01
 MAX_STEP = 1.0
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model='numpy')
 def minimise_hybrid(
     rows: DhRows,
     goals: Goals,
@@ -42,33 +58,33 @@ def minimise_hybrid(
         return value, evaluations
     norm = derivatives(goals, goal, free, False, work)
     _use_gauss_newton(size, work)
-    gradient, delta, y = work.memory[0], work.memory[1], work.memory[2]
+    gradient, delta, y = work[MEMORY, 0], work[MEMORY, 1], work[MEMORY, 2]
     for k in range(q.shape[0]):
-        work.trial[k] = q[k]
+        work[VECTORS, TRIAL, k] = q[k]
     for _ in range(max_iterations):
         if value <= zero or norm <= 1e-7 * math.sqrt(value):
             break
         # J^T J is singular for a redundant arm: the shift picks its shortest step.
         shift = 1e-10 + 1e-6 * min(value, 1.0)
-        while not solve_shifted(size, work.matrix, shift, work.gradient, work):
+        while not solve_shifted(size, work[MATRIX], shift, work[VECTORS, GRADIENT], work):
             shift *= 100.0
         length = 0.0
         slope = 0.0
         for k in range(size):
-            gradient[k] = work.gradient[k]
-            length += work.step[k] ** 2
-            slope += work.step[k] * gradient[k]
+            gradient[k] = work[VECTORS, GRADIENT, k]
+            length += work[VECTORS, STEP, k] ** 2
+            slope += work[VECTORS, STEP, k] * gradient[k]
         length = math.sqrt(length)
         scale = 1.0 if length <= MAX_STEP else MAX_STEP / length
         for k in range(size):
             for row in range(6):
-                work.column_before[row, k] = work.column[row, free[k]]
+                work[COLUMN_BEFORE, row, k] = work[COLUMN, row, free[k]]
         accepted = False
         trial = value
         for _search in range(30):
             for k in range(size):
-                work.trial[free[k]] = q[free[k]] + scale * work.step[k]
-            trial = penalty(rows, goals, goal, limits, free, work.trial, work)
+                work[VECTORS, TRIAL, free[k]] = q[free[k]] + scale * work[VECTORS, STEP, k]
+            trial = penalty(rows, goals, goal, limits, free, work[VECTORS, TRIAL], work)
             evaluations += 1
             # Half the penalty against its slope: Armijo, then the parabola's minimum.
             fall = 0.5 * (value - trial)
@@ -83,8 +99,8 @@ def minimise_hybrid(
         share = (value - trial) / value
         value = trial
         for k in range(size):
-            q[free[k]] = work.trial[free[k]]
-            delta[k] = scale * work.step[k]
+            q[free[k]] = work[VECTORS, TRIAL, free[k]]
+            delta[k] = scale * work[VECTORS, STEP, k]
         if value <= zero:
             break
         norm = derivatives(goals, goal, free, False, work)
@@ -98,14 +114,14 @@ def minimise_hybrid(
     return value, evaluations
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model='numpy')
 def _use_gauss_newton(size: int, work: Work) -> None:
     for i in range(size):
         for j in range(size):
-            work.matrix[i, j] = work.hessian[i, j]
+            work[MATRIX, i, j] = work[HESSIAN, i, j]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model='numpy')
 def _secant(
     size: int, free: IntArray, gradient: Array, delta: Array, y: Array, work: Work
 ) -> None:
@@ -115,26 +131,28 @@ def _secant(
     for i in range(size):
         total = 0.0
         for j in range(size):
-            total += work.hessian[i, j] * delta[j]
+            total += work[HESSIAN, i, j] * delta[j]
         for row in range(6):
-            total += (work.column[row, free[i]] - work.column_before[row, i]) * work.error[row]
+            total += (work[COLUMN, row, free[i]] - work[COLUMN_BEFORE, row, i]) * work[
+                VECTORS, ERROR, row
+            ]
         y[i] = total
         curvature += total * delta[i]
-        plain += (work.gradient[i] - gradient[i]) * delta[i]
+        plain += (work[VECTORS, GRADIENT, i] - gradient[i]) * delta[i]
     if curvature < CURVATURE_SHARE * plain:
         for i in range(size):
-            y[i] = work.gradient[i] - gradient[i]
+            y[i] = work[VECTORS, GRADIENT, i] - gradient[i]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model='numpy')
 def _bfgs(size: int, delta: Array, y: Array, work: Work) -> None:
-    image = work.memory[3]
+    image = work[MEMORY, 3]
     curvature = 0.0
     before = 0.0
     for i in range(size):
         total = 0.0
         for j in range(size):
-            total += work.matrix[i, j] * delta[j]
+            total += work[MATRIX, i, j] * delta[j]
         image[i] = total
         before += total * delta[i]
         curvature += y[i] * delta[i]
@@ -142,4 +160,4 @@ def _bfgs(size: int, delta: Array, y: Array, work: Work) -> None:
         return
     for i in range(size):
         for j in range(size):
-            work.matrix[i, j] += y[i] * y[j] / curvature - image[i] * image[j] / before
+            work[MATRIX, i, j] += y[i] * y[j] / curvature - image[i] * image[j] / before

@@ -15,10 +15,14 @@ from ft_manip_ros.core.chain import Array
 from ft_manip_ros.core.design.dh_kernels import DhRows, Goals, Limits, Work
 from ft_manip_ros.core.design.frozen_sets import FrozenSets, node_angles
 from ft_manip_ros.core.design.inner import minimise
-from ft_manip_ros.core.design.restarts import MAX_ITERATIONS, RandomState, solve_with_restarts
+from ft_manip_ros.core.design.restarts import MAX_ITERATIONS, RandomState, random_posture
+
+# Phases of a march: every node from its own posture and its lower neighbours; from the upper
+# neighbours; the worst node from random starts; and, where that helped, from the lower ones again.
+_FIRST, _BACKWARD, _RESTART, _FORWARD = 0, 1, 2, 3
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model='numpy')
 def march_goal(
     method: int, rows: DhRows, goals: Goals, goal: int, limits: Limits, sets: FrozenSets,
     postures: Array, give_up: float, zero: float, restarts: int, state: RandomState, work: Work,
@@ -58,7 +62,7 @@ def march_goal(
     return evaluations
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model='numpy')
 def march(
     method: int,
     rows: DhRows,
@@ -95,118 +99,89 @@ def march(
     evaluations : int
         Penalty evaluations spent.
     """
-    nodes = sets.angles.shape[1]
-    order = sets.frozen.shape[1]
     total = values.shape[0]
-    free = sets.free[subset]
     trial = np.empty(postures.shape[1])
+    values[:] = np.inf
+    phase, node = _FIRST, 0
     evaluations = 0
-    for node in range(total):
-        values[node] = np.inf
-    for node in range(total):
-        q = postures[node]
-        node_angles(sets, subset, node, q)
-        values[node], used = minimise(
-            method, rows, goals, goal, limits, free, q, zero, MAX_ITERATIONS, work
-        )
-        evaluations += used
-        stride = 1
-        for _ in range(order):
-            if values[node] > zero and (node // stride) % nodes > 0:
-                evaluations += _borrow(
-                    method, rows, goals, goal, limits, sets, subset, postures, values,
-                    node, node - stride, zero, work, trial,
-                )  # fmt: skip
-            stride *= nodes
-        if values[node] > give_up:
-            values[node], used = solve_with_restarts(
-                method, rows, goals, goal, limits, free, q, values[node], zero,
-                restarts, state, work, trial,
-            )  # fmt: skip
-            evaluations += used
+    while True:
+        before = values[node]
+        evaluations += _visit(
+            method, rows, goals, goal, limits, sets, subset, postures, values, node, phase,
+            give_up, zero, restarts, state, work, trial,
+        )  # fmt: skip
+        if phase == _FIRST:
             if values[node] > give_up:
                 return node, values[node], evaluations
-    evaluations += _sweep_back(
-        method, rows, goals, goal, limits, sets, subset, postures, values, zero, work, trial
-    )
-    for _ in range(total):
-        worst = int(np.argmax(values))
-        if values[worst] <= zero:
+            node += 1
+            if node == total:
+                phase, node = _BACKWARD, total - 1
+        elif phase == _FORWARD:
+            node += 1
+            if node == total:
+                phase, node = _BACKWARD, total - 1
+        elif phase == _BACKWARD:
+            node -= 1
+            if node < 0:
+                phase, node = _RESTART, int(np.argmax(values))
+                if values[node] <= zero:
+                    break
+        elif values[node] < before:
+            # A better branch of postures was found: offer it to the nodes on both sides.
+            phase, node = _FORWARD, 0
+        else:
             break
-        before = values[worst]
-        values[worst], used = solve_with_restarts(
-            method, rows, goals, goal, limits, free, postures[worst], before, zero,
-            restarts, state, work, trial,
-        )  # fmt: skip
+    return node, values[node], evaluations
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def _visit(
+    method: int, rows: DhRows, goals: Goals, goal: int, limits: Limits, sets: FrozenSets,
+    subset: int, postures: Array, values: Array, node: int, phase: int, give_up: float,
+    zero: float, restarts: int, state: RandomState, work: Work, trial: Array,
+) -> int:  # fmt: skip
+    """Try to lower the penalty of one node from the starts that belong to ``phase``.
+
+    The starts are numbered: the node's own posture, its lower neighbours, its upper neighbours
+    (one of each per frozen joint), random ones. One loop over them keeps the compiled code to a
+    single copy of the minimisation.
+    """
+    nodes = sets.angles.shape[1]
+    order = sets.frozen.shape[1]
+    free = sets.free[subset]
+    evaluations = 0
+    for start in range(1 + 2 * order + restarts):
+        if values[node] <= zero:
+            break
+        if start == 0:
+            if phase != _FIRST:
+                continue
+            for k in range(trial.shape[0]):
+                trial[k] = postures[node, k]
+        elif start <= 2 * order:
+            backward = start > order
+            if phase == _RESTART or backward != (phase == _BACKWARD):
+                continue
+            stride = nodes ** ((start - 1) % order)
+            place = (node // stride) % nodes
+            if place == (nodes - 1 if backward else 0):
+                continue
+            neighbour = node + stride if backward else node - stride
+            if values[neighbour] >= values[node]:
+                continue
+            for k in range(trial.shape[0]):
+                trial[k] = postures[neighbour, k]
+        else:
+            if phase != _RESTART and not (phase == _FIRST and values[node] > give_up):
+                break
+            random_posture(limits, free, postures[node], state, trial)
+        node_angles(sets, subset, node, trial)
+        value, used = minimise(
+            method, rows, goals, goal, limits, free, trial, zero, MAX_ITERATIONS, work
+        )
         evaluations += used
-        if values[worst] >= before:
-            break
-        # A better branch of postures was found: offer it to the nodes on both sides.
-        evaluations += _sweep_forward(
-            method, rows, goals, goal, limits, sets, subset, postures, values, zero, work, trial
-        )
-        evaluations += _sweep_back(
-            method, rows, goals, goal, limits, sets, subset, postures, values, zero, work, trial
-        )
-    worst = int(np.argmax(values))
-    return worst, values[worst], evaluations
-
-
-@njit(cache=True, nogil=True)
-def _sweep_forward(
-    method: int, rows: DhRows, goals: Goals, goal: int, limits: Limits, sets: FrozenSets,
-    subset: int, postures: Array, values: Array, zero: float, work: Work, trial: Array,
-) -> int:  # fmt: skip
-    nodes = sets.angles.shape[1]
-    evaluations = 0
-    for node in range(values.shape[0]):
-        stride = 1
-        for _ in range(sets.frozen.shape[1]):
-            if values[node] > zero and (node // stride) % nodes > 0:
-                evaluations += _borrow(
-                    method, rows, goals, goal, limits, sets, subset, postures, values,
-                    node, node - stride, zero, work, trial,
-                )  # fmt: skip
-            stride *= nodes
+        if value < values[node] * (1.0 - 1e-6):
+            values[node] = value
+            for k in range(trial.shape[0]):
+                postures[node, k] = trial[k]
     return evaluations
-
-
-@njit(cache=True, nogil=True)
-def _sweep_back(
-    method: int, rows: DhRows, goals: Goals, goal: int, limits: Limits, sets: FrozenSets,
-    subset: int, postures: Array, values: Array, zero: float, work: Work, trial: Array,
-) -> int:  # fmt: skip
-    nodes = sets.angles.shape[1]
-    evaluations = 0
-    for node in range(values.shape[0] - 1, -1, -1):
-        stride = 1
-        for _ in range(sets.frozen.shape[1]):
-            if values[node] > zero and (node // stride) % nodes < nodes - 1:
-                evaluations += _borrow(
-                    method, rows, goals, goal, limits, sets, subset, postures, values,
-                    node, node + stride, zero, work, trial,
-                )  # fmt: skip
-            stride *= nodes
-    return evaluations
-
-
-@njit(cache=True, nogil=True)
-def _borrow(
-    method: int, rows: DhRows, goals: Goals, goal: int, limits: Limits, sets: FrozenSets,
-    subset: int, postures: Array, values: Array, node: int, neighbour: int, zero: float,
-    work: Work, trial: Array,
-) -> int:  # fmt: skip
-    """Try the neighbour's posture as a start at ``node`` where the neighbour does better."""
-    if values[neighbour] >= values[node]:
-        return 0
-    for k in range(trial.shape[0]):
-        trial[k] = postures[neighbour, k]
-    node_angles(sets, subset, node, trial)
-    found, used = minimise(
-        method, rows, goals, goal, limits, sets.free[subset], trial, zero, MAX_ITERATIONS, work
-    )
-    if found < values[node] * (1.0 - 1e-6):
-        values[node] = found
-        for k in range(trial.shape[0]):
-            postures[node, k] = trial[k]
-    return used

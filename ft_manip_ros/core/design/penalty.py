@@ -8,19 +8,29 @@ from numba import njit
 
 from ft_manip_ros.core.chain import Array
 from ft_manip_ros.core.design.dh_kernels import (
+    COLUMN,
+    ERROR,
+    FACTOR,
+    GRADIENT,
+    HESSIAN,
+    MEMORY,
     POSITION,
+    STEP,
+    VECTORS,
+    VIOLATION,
     DhRows,
     Goals,
     IntArray,
     Limits,
     Work,
+    Z,
     frames,
     jacobian_columns,
     tool_error,
 )
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model='numpy')
 def penalty(
     rows: DhRows, goals: Goals, goal: int, limits: Limits, free: IntArray, q: Array, work: Work
 ) -> float:
@@ -49,12 +59,12 @@ def penalty(
                 over = q[j] - limits.upper[j]
             elif q[j] < limits.lower[j]:
                 over = q[j] - limits.lower[j]
-        work.violation[j] = over
+        work[VECTORS, VIOLATION, j] = over
         total += over * over
     return total
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model='numpy')
 def derivatives(goals: Goals, goal: int, free: IntArray, second_order: bool, work: Work) -> float:
     """Gradient and Hessian of half the penalty at the posture last given to `penalty`.
 
@@ -64,19 +74,19 @@ def derivatives(goals: Goals, goal: int, free: IntArray, second_order: bool, wor
     Returns
     -------
     float
-        Norm of the gradient; both go to ``work.gradient`` and ``work.hessian``, leading f rows.
+        Norm of the gradient; both are written to ``work``.
     """
     mode = goals.modes[goal]
     jacobian_columns(mode, work)
     m = 3 if mode == POSITION else 6
-    e, c, z = work.error, work.column, work.z
+    e, c, z = work[VECTORS, ERROR], work[COLUMN], work[Z]
     norm = 0.0
     for row in range(free.shape[0]):
         i = free[row]
-        slope = work.violation[i]
+        slope = work[VECTORS, VIOLATION, i]
         for k in range(m):
             slope += c[k, i] * e[k]
-        work.gradient[row] = slope
+        work[VECTORS, GRADIENT, row] = slope
         norm += slope * slope
         for col in range(row, free.shape[0]):
             j = free[col]
@@ -89,23 +99,23 @@ def derivatives(goals: Goals, goal: int, free: IntArray, second_order: bool, wor
                     + e[1] * (z[i, 2] * c[0, j] - z[i, 0] * c[2, j])
                     + e[2] * (z[i, 0] * c[1, j] - z[i, 1] * c[0, j])
                 )
-            work.hessian[row, col] = value
-            work.hessian[col, row] = value
-        if work.violation[i] != 0.0:
-            work.hessian[row, row] += 1.0
+            work[HESSIAN, row, col] = value
+            work[HESSIAN, col, row] = value
+        if work[VECTORS, VIOLATION, i] != 0.0:
+            work[HESSIAN, row, row] += 1.0
     return math.sqrt(norm)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model='numpy')
 def solve_shifted(size: int, matrix: Array, shift: float, rhs: Array, work: Work) -> bool:
-    """Solve ``(matrix + shift I) step = -rhs`` by Cholesky into ``work.step``.
+    """Solve ``(matrix + shift I) step = -rhs`` by Cholesky into the row STEP.
 
     Returns
     -------
     bool
         False where the shifted matrix is not positive definite.
     """
-    low = work.factor
+    low = work[FACTOR]
     for i in range(size):
         for j in range(i + 1):
             total = matrix[i, j]
@@ -119,7 +129,7 @@ def solve_shifted(size: int, matrix: Array, shift: float, rhs: Array, work: Work
                 low[i, i] = math.sqrt(total)
             else:
                 low[i, j] = total / low[j, j]
-    step = work.step
+    step = work[VECTORS, STEP]
     for i in range(size):
         total = -rhs[i]
         for k in range(i):
@@ -133,7 +143,7 @@ def solve_shifted(size: int, matrix: Array, shift: float, rhs: Array, work: Work
     return True
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model='numpy')
 def isotropy(goals: Goals, goal: int, free: IntArray, work: Work) -> float:
     """Equation 9 (with its m-th root) of the free joints' Jacobian at the posture in ``work``.
 
@@ -143,7 +153,7 @@ def isotropy(goals: Goals, goal: int, free: IntArray, work: Work) -> float:
     jacobian_columns(mode, work)
     m = 3 if mode == POSITION else 6
     trace = 0.0
-    low = work.memory
+    low = work[MEMORY]
     if low.shape[1] < m or free.shape[0] < m:
         return 0.0
     det = 1.0
@@ -151,7 +161,7 @@ def isotropy(goals: Goals, goal: int, free: IntArray, work: Work) -> float:
         for j in range(i + 1):
             total = 0.0
             for k in range(free.shape[0]):
-                total += work.column[i, free[k]] * work.column[j, free[k]]
+                total += work[COLUMN, i, free[k]] * work[COLUMN, j, free[k]]
             if i == j:
                 trace += total
             for k in range(j):

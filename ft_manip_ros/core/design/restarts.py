@@ -21,7 +21,7 @@ def random_state(rng: np.random.Generator) -> RandomState:
     return np.array([rng.integers(2**63)], dtype=np.uint64)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model='numpy')
 def uniform(state: RandomState) -> float:
     """Next number in [0, 1) of the splitmix64 stream whose state is ``state[0]``."""
     state[0] += np.uint64(0x9E3779B97F4A7C15)
@@ -32,7 +32,19 @@ def uniform(state: RandomState) -> float:
     return float(z >> np.uint64(11)) * (1.0 / 9007199254740992.0)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model='numpy')
+def random_posture(
+    limits: Limits, free: IntArray, start: Array, state: RandomState, posture: Array
+) -> None:
+    """Write ``start`` with its free joints drawn anew within their limits into ``posture``."""
+    for k in range(start.shape[0]):
+        posture[k] = start[k]
+    for k in range(free.shape[0]):
+        j = free[k]
+        posture[j] = limits.lower[j] + uniform(state) * (limits.upper[j] - limits.lower[j])
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
 def solve_with_restarts(
     method: int,
     rows: DhRows,
@@ -40,30 +52,42 @@ def solve_with_restarts(
     goal: int,
     limits: Limits,
     free: IntArray,
-    best: Array,
-    value: float,
+    posture: Array,
     zero: float,
     restarts: int,
     state: RandomState,
     work: Work,
     trial: Array,
 ) -> tuple[float, int]:
-    """Improve posture ``best`` (penalty ``value``) from random starts until it is zero."""
+    """Minimise from ``posture``, then from random starts until the penalty is zero.
+
+    Parameters
+    ----------
+    posture : shape (n,), in and out
+        Start, and the best posture found.
+    trial : shape (n,), scratch
+
+    Returns
+    -------
+    penalty : float
+        At ``posture``. Where it is zero, ``work`` describes ``posture``.
+    evaluations : int
+    """
+    best = np.inf
     evaluations = 0
-    for _ in range(restarts):
-        if value <= zero:
-            break
-        for k in range(best.shape[0]):
-            trial[k] = best[k]
-        for k in range(free.shape[0]):
-            j = free[k]
-            trial[j] = limits.lower[j] + uniform(state) * (limits.upper[j] - limits.lower[j])
-        found, used = minimise(
+    for k in range(posture.shape[0]):
+        trial[k] = posture[k]
+    for attempt in range(restarts + 1):
+        if attempt > 0:
+            random_posture(limits, free, posture, state, trial)
+        value, used = minimise(
             method, rows, goals, goal, limits, free, trial, zero, MAX_ITERATIONS, work
         )
         evaluations += used
-        if found < value * (1.0 - 1e-6):
-            value = found
-            for k in range(best.shape[0]):
-                best[k] = trial[k]
-    return value, evaluations
+        if value < best * (1.0 - 1e-6):
+            best = value
+            for k in range(posture.shape[0]):
+                posture[k] = trial[k]
+        if best <= zero:
+            break
+    return best, evaluations

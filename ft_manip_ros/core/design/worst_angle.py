@@ -8,7 +8,6 @@ from numba import njit
 from ft_manip_ros.core.chain import Array
 from ft_manip_ros.core.design.dh_kernels import DhRows, Goals, Limits, Work
 from ft_manip_ros.core.design.frozen_sets import FrozenSets, node_angles
-from ft_manip_ros.core.design.inner import minimise
 from ft_manip_ros.core.design.p_star import (
     FIRST_POINTS,
     bracket,
@@ -20,14 +19,14 @@ from ft_manip_ros.core.design.p_star import (
     wiener_scale,
 )
 from ft_manip_ros.core.design.penalty import isotropy
-from ft_manip_ros.core.design.restarts import MAX_ITERATIONS, RandomState, solve_with_restarts
+from ft_manip_ros.core.design.restarts import RandomState, solve_with_restarts
 
 MAX_ANGLES = 40
 # Width (rad) to which Brent's method refines a worst angle.
 ANGLE_TOLERANCE = 1e-3
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model='numpy')
 def p_star_goal(
     method: int, rows: DhRows, goals: Goals, goal: int, limits: Limits, sets: FrozenSets,
     give_up: float, zero: float, restarts: int, state: RandomState, work: Work,
@@ -56,7 +55,7 @@ def p_star_goal(
     return evaluations
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model='numpy')
 def _p_star_joint(
     method: int, rows: DhRows, goals: Goals, goal: int, limits: Limits, sets: FrozenSets,
     subset: int, joint: int, give_up: float, zero: float, restarts: int, state: RandomState,
@@ -96,17 +95,11 @@ def _p_star_joint(
             if gain <= 1e-4:
                 break
         posture[joint] = x
-        value, used = minimise(
+        value, used = solve_with_restarts(
             method, rows, goals, goal, limits, sets.free[subset], posture, zero,
-            MAX_ITERATIONS, work,
+            restarts, state, work, trial,
         )  # fmt: skip
         evaluations += used
-        if value > zero:
-            value, used = solve_with_restarts(
-                method, rows, goals, goal, limits, sets.free[subset], posture, value, zero,
-                restarts, state, work, trial,
-            )  # fmt: skip
-            evaluations += used
         if value <= zero:
             value = 0.0
         if value > worst:
@@ -121,7 +114,7 @@ def _p_star_joint(
     return max(worst, 0.0), evaluations
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model='numpy')
 def grid_goal(
     method: int, rows: DhRows, goals: Goals, goal: int, limits: Limits, sets: FrozenSets,
     give_up: float, zero: float, restarts: int, state: RandomState, work: Work,
@@ -142,17 +135,11 @@ def grid_goal(
         for node in range(nodes):
             posture[:] = 0.0
             node_angles(sets, subset, node, posture)
-            value, used = minimise(
+            value, used = solve_with_restarts(
                 method, rows, goals, goal, limits, sets.free[subset], posture, zero,
-                MAX_ITERATIONS, work,
+                restarts, state, work, trial,
             )  # fmt: skip
             evaluations += used
-            if value > zero:
-                value, used = solve_with_restarts(
-                    method, rows, goals, goal, limits, sets.free[subset], posture, value, zero,
-                    restarts, state, work, trial,
-                )  # fmt: skip
-                evaluations += used
             if node == 0 or (value > zero and value > worst[subset]):
                 worst[subset] = value if value > zero else 0.0
                 worst_postures[subset] = posture

@@ -3,12 +3,18 @@
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from support.dense_reach import dh_frame
 
 from ft_manip_ros.core.design.dh_kernels import (
     AXIS,
+    COLUMN,
+    ERROR,
+    GRADIENT,
+    HESSIAN,
+    ORIGIN,
     POSE,
     POSITION,
+    ROTATION,
+    VECTORS,
     Goals,
     Limits,
     dh_gradient,
@@ -20,6 +26,7 @@ from ft_manip_ros.core.design.dh_kernels import (
 )
 from ft_manip_ros.core.design.penalty import derivatives, isotropy, penalty
 from ft_manip_ros.core.kinematics import isotropy as reference_isotropy
+from support.dense_reach import dh_frame
 
 
 def random_table(rng, n=6):
@@ -43,8 +50,8 @@ def test_frames_are_the_product_of_the_dh_matrices():
         work = make_work(6)
         frames(make_rows(*table), q, work)
         expected = dh_frame(*table, q)
-        np.testing.assert_allclose(work.rotation, expected[:3, :3], atol=1e-13)
-        np.testing.assert_allclose(work.origin[6], expected[:3, 3], atol=1e-13)
+        np.testing.assert_allclose(work[ROTATION, :3, :3], expected[:3, :3], atol=1e-13)
+        np.testing.assert_allclose(work[ORIGIN, 6, :3], expected[:3, 3], atol=1e-13)
 
 
 @pytest.mark.parametrize('mode', [POSITION, POSE, AXIS])
@@ -59,7 +66,7 @@ def test_the_tool_error_is_distance_and_angle(mode):
         expected = np.sum((tool[:3, 3] - goals.positions[0]) ** 2)
         if mode == POSE:
             turn = Rotation.from_matrix(tool[:3, :3] @ goals.orientations[0].T)
-            np.testing.assert_allclose(work.error[3:], turn.as_rotvec(), atol=1e-9)
+            np.testing.assert_allclose(work[VECTORS, ERROR, 3:6], turn.as_rotvec(), atol=1e-9)
             expected += turn.magnitude() ** 2
         elif mode == AXIS:
             cosine = tool[:3, 2] @ goals.orientations[0][:, 2]
@@ -82,7 +89,7 @@ def test_derivatives_agree_with_finite_differences(mode):
         def gradient(values, half=half, goals=goals, work=work):
             half(values)
             derivatives(goals, 0, free, True, work)
-            return work.gradient[:5].copy(), work.hessian[:5, :5].copy()
+            return work[VECTORS, GRADIENT, :5].copy(), work[HESSIAN, :5, :5].copy()
 
         found, hessian = gradient(q)
         for k, j in enumerate(free):
@@ -124,7 +131,7 @@ def test_isotropy_is_equation_9(mode):
         goals, work = random_goals(rng, mode), make_work(7)
         frames(make_rows(*random_table(rng, 7)), rng.uniform(-2, 2, 7), work)
         jacobian_columns(mode, work)
-        expected = reference_isotropy(work.column[:m])
+        expected = reference_isotropy(work[COLUMN, :m, :7])
         assert isotropy(goals, 0, free, work) == pytest.approx(expected, rel=1e-9)
 
 

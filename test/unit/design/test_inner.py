@@ -3,11 +3,18 @@
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
-from support.dense_reach import dh_frame
 
-from ft_manip_ros.core.design.dh_kernels import POSITION, Goals, Limits, make_rows, make_work
+from ft_manip_ros.core.design.dh_kernels import (
+    ORIGIN,
+    POSITION,
+    Goals,
+    Limits,
+    make_rows,
+    make_work,
+)
 from ft_manip_ros.core.design.inner import BOUNDED_LM, INNER_METHODS, minimise
 from ft_manip_ros.core.design.penalty import derivatives
+from support.dense_reach import dh_frame
 
 N = 5
 FREE = np.array([0, 1, 3, 4])
@@ -83,7 +90,7 @@ def test_out_of_reach_it_ends_at_a_stationary_point(method):
         work, rows, q = make_work(N), make_rows(*table), starts[0].copy()
         value, _ = minimise(method, rows, goals(point), 0, LIMITS, FREE, q, 1e-16, 500, work)
         # The scratch memory describes q, as the callers rely on.
-        np.testing.assert_allclose(work.origin[N], dh_frame(*table, q)[:3, 3], atol=1e-12)
+        np.testing.assert_allclose(work[ORIGIN, N, :3], dh_frame(*table, q)[:3, 3], atol=1e-12)
         assert derivatives(goals(point), 0, FREE, False, work) <= 1e-2 * np.sqrt(value) + 1e-9
 
 

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.dense_reach import worst_miss
 
 from ft_manip_ros.core.arm_file import load_dh
 from ft_manip_ros.core.design.objective import Objective
@@ -13,6 +12,7 @@ from ft_manip_ros.core.design.settings import DesignSettings
 from ft_manip_ros.core.errors import InputError
 from ft_manip_ros.core.goal import DesignSpec
 from ft_manip_ros.core.task_file import load_task
+from support.dense_reach import worst_miss
 
 TASK = load_task('paredis_eq_11')
 

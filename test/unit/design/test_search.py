@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from support.dense_reach import worst_miss
 
 from ft_manip_ros.core.arm_file import load_dh
 from ft_manip_ros.core.design.job import DesignJob
@@ -13,6 +12,7 @@ from ft_manip_ros.core.errors import InputError
 from ft_manip_ros.core.ftws.verdict import Verdict
 from ft_manip_ros.core.goal import DesignSpec, Goal, Task
 from ft_manip_ros.core.task_file import load_task
+from support.dense_reach import worst_miss
 
 TASK = load_task('paredis_eq_11')
 
