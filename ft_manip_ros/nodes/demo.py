@@ -124,6 +124,7 @@ class Story:
         problems = record.problems()
         self.processes.stop('recorder', *_ARM_NODES)
         observer.forget()
+        observer.withdraw_task()
         tell_run(timeline, record)
         picture = Path(self.options.output) / ('demo.png' if k == 0 else f'demo_{k + 1}.png')
         draw(record, picture)
@@ -132,6 +133,7 @@ class Story:
             read_back(self._bag(k), record, k == 0, timeline)
             replay(self._bag(k), timeline)
         except StoryError as error:
+            timeline.line('demo', str(error), good=False)
             problems.append(str(error))
         self.records.append(record)
         self.problems.append(problems)

@@ -34,6 +34,7 @@ class Observer(ManagedNode):
 
     def __init__(self) -> None:
         super().__init__('demo')
+        self._task: Any = None
         self._executor_kept = SingleThreadedExecutor()
         self._executor_kept.add_node(self)
         self.alarm: Callable[[], list[str]] = list
@@ -63,11 +64,19 @@ class Observer(ManagedNode):
         ):
             self.subscribe(message_type, topic, self._keep_in(name), qos)
         self.subscribe(DesignCandidate, topics.DESIGN_FINAL, self._on_final, topics.LATCHED_QOS)
-        self._task = self.advertise(TaskMessage, topics.TASK, topics.LATCHED_QOS)
+        self.withdraw_task()
 
     def now(self) -> int:
         """Time of the ROS clock, ns."""
         return int(self.get_clock().now().nanoseconds)
+
+    def withdraw_task(self) -> None:
+        """Take back the task: it is latched, and nodes started later would begin at once."""
+        if self._task is not None:
+            self.destroy_lifecycle_publisher(self._task)
+        self._task = self.advertise(TaskMessage, topics.TASK, topics.LATCHED_QOS)
+        if self.active:
+            self._task.on_activate(None)
 
     def publish_task(self, message: TaskMessage) -> None:
         """Set the task, for all who listen and who will."""

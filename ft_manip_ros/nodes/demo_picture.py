@@ -12,26 +12,36 @@ matplotlib.use('Agg')
 import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.lines import Line2D
+from matplotlib.patheffects import withStroke
+from mpl_toolkits.mplot3d import proj3d
 
 from ft_manip_ros.core.chain import Array, SerialChain, joint_motion
 from ft_manip_ros.core.kinematics import fk
 from ft_manip_ros.nodes.demo_record import Point, Record
 
-_ARM, _GHOST, _LOCKED, _GOOD, _LOST = '#27476e', '#9bb1cc', '#d1292c', '#2a9d4a', '#b3261e'
+_ARM, _GHOST, _LOCKED, _GOOD = '#27476e', '#a9bdd6', '#d1292c', '#22893f'
+_PANELS = 3
+# Where the names of points stand beside them, in turn (pt).
+_LABELS = ((0.0, 19.0), (0.0, -19.0), (22.0, 10.0), (-22.0, 10.0))
 
 
 def draw(record: Record, path: Path) -> None:
     """Write the picture of a run as PNG."""
-    figure = plt.figure(figsize=(13.5, 9.5), layout='constrained')
-    grid = figure.add_gridspec(2, 2, height_ratios=(1.15, 1.0))
-    figure.suptitle(_title(record), fontsize=15, fontweight='bold')
-    before = figure.add_subplot(grid[0, 0], projection='3d')
-    after = figure.add_subplot(grid[0, 1], projection='3d')
-    _draw_before(before, record)
-    _draw_after(after, record)
-    _same_box([before, after], record)
-    _draw_joints(figure.add_subplot(grid[1, :]), record)
-    figure.savefig(path, dpi=110)
+    shown = _shown(record)
+    figure = plt.figure(figsize=(16.0, 10.0), layout='constrained')
+    figure.suptitle(_title(record), fontsize=17, fontweight='bold')
+    arms, joints = figure.subfigures(2, 1, squeeze=False)[:, 0]
+    plots = [
+        arms.add_subplot(1, 1 + len(shown), 1 + k, projection='3d') for k in range(1 + len(shown))
+    ]
+    # Labels are placed by the projection, so the view comes first.
+    _same_box(plots, record)
+    _draw_before(plots[0], record)
+    for axes, point in zip(plots[1:], shown, strict=True):
+        _draw_after(axes, record, point)
+    arms.legend(handles=_symbols(), loc='lower center', ncols=6, fontsize=11, frameon=False)
+    _draw_joints(joints.add_subplot(), record)
+    figure.savefig(path, dpi=100)
     plt.close(figure)
 
 
@@ -62,56 +72,87 @@ def _title(record: Record) -> str:
     return text + f'{len(reached)} of {len(left)} remaining points reached, the others are told'
 
 
+def _symbols() -> list[Line2D]:
+    def symbol(label: str, **style: Any) -> Line2D:
+        return Line2D([], [], label=label, **style)
+
+    return [
+        symbol('base', ls='', marker='s', color='#444444', ms=10),
+        symbol('joint', ls='', marker='o', color='white', mec=_ARM, ms=8, mew=2),
+        symbol('locked joint', ls='', marker='X', color=_LOCKED, ms=12),
+        symbol('task point', ls='', marker='*', color='white', mec='black', ms=15),
+        symbol('reached', ls='', marker='*', color=_GOOD, ms=15),
+        symbol('way of the tool; first picture: the arm at the start', color=_GHOST, lw=2.5),
+    ]
+
+
+def _shown(record: Record) -> list[Point]:
+    """Points after the failure that get a panel: all, or the first, the middle and the last."""
+    after = [p for p in record.points if p.planned]
+    if len(after) > _PANELS:
+        after = [after[round(k * (len(after) - 1) / (_PANELS - 1))] for k in range(_PANELS)]
+    return after
+
+
 def _draw_before(axes: Any, record: Record) -> None:
-    moving = (record.stamps >= record.started) & (record.stamps <= record.locked_at)
-    rows = np.flatnonzero(moving)
-    tool = fk(record.chain, record.positions[rows])[1]
-    axes.plot(*tool.T, color=_GHOST, lw=2)
-    _draw_arm(axes, record, record.positions[rows[0]], _GHOST, lw=2.5)
-    _draw_arm(axes, record, record.positions[rows[-1]], _ARM, lw=5, locked=True)
-    for point in record.points:
-        _draw_point(axes, point, done=point.fate == 'reached before')
-    axes.set_title(f'Until {record.joint} locks', fontsize=12)
+    rows = np.flatnonzero((record.stamps >= record.started) & (record.stamps <= record.locked_at))
+    axes.plot(*fk(record.chain, record.positions[rows])[1].T, color=_GHOST, lw=2)
+    _draw_arm(axes, record, record.positions[rows[0]], ghost=True)
+    _draw_arm(axes, record, record.positions[rows[-1]])
+    for k, point in enumerate(record.points):
+        _draw_point(axes, k, point, done=point.fate == 'reached before')
+    axes.set_title(f'{record.joint} locks here, on the way', fontsize=13, color=_LOCKED)
 
 
-def _draw_after(axes: Any, record: Record) -> None:
-    rows = np.flatnonzero(record.stamps > record.locked_at)
-    tool = fk(record.chain, record.positions[rows])[1]
-    axes.plot(*tool.T, color=_GHOST, lw=2)
-    for point in record.points:
-        if point.planned:
-            nearest = rows[int(np.argmin(np.abs(record.stamps[rows] - point.at)))]
-            _draw_arm(axes, record, record.positions[nearest], _ARM, lw=4, locked=True)
-        _draw_point(axes, point, done=point.reached and point.fate != 'lost')
-    axes.set_title(
-        f'After: the arm at each remaining point, {record.joint} held where it stopped',
-        fontsize=12,
-    )
+def _draw_after(axes: Any, record: Record, shown: Point) -> None:
+    rows = np.flatnonzero((record.stamps > record.locked_at) & (record.stamps <= shown.at))
+    axes.plot(*fk(record.chain, record.positions[rows])[1].T, color=_GHOST, lw=2)
+    _draw_arm(axes, record, record.positions[rows[-1]])
+    for k, point in enumerate(record.points):
+        _draw_point(axes, k, point, done=point.reached and point.at <= shown.at)
+    text = f'{shown.name}: missed by {shown.error * 1e3:.1f} mm'
+    if shown.reached:
+        text = f'{shown.name} reached without it, {shown.error * 1e3:.3f} mm off'
+    axes.set_title(text, fontsize=13, color=_GOOD if shown.reached else _LOCKED)
 
 
-def _draw_arm(
-    axes: Any, record: Record, q: Array, color: str, *, lw: float, locked: bool = False
-) -> None:
+def _draw_arm(axes: Any, record: Record, q: Array, *, ghost: bool = False) -> None:
     points = link_points(record.chain, q)
-    axes.plot(*points.T, color=color, lw=lw, solid_capstyle='round', alpha=0.9)
-    axes.plot(*points[1:-1].T, 'o', color='white', mec=color, ms=lw + 2, mew=1.5)
-    if locked:
-        place = points[1 + record.chain.index(record.joint)]
-        axes.plot(*place[:, None], 'o', color=_LOCKED, mec='white', ms=12, zorder=20)
+    color = _GHOST if ghost else _ARM
+    axes.plot(*points.T, color=color, lw=2.5 if ghost else 5, solid_capstyle='round', zorder=5)
+    axes.plot(*points[:1].T, 's', color='#444444', ms=13, zorder=6)
+    if ghost:
+        return
+    axes.plot(*points[1:-1].T, 'o', color='white', mec=color, ms=8, mew=2, zorder=10)
+    place = points[1 + record.chain.index(record.joint)]
+    axes.plot(*place[:, None], 'o', color=_LOCKED, mec='white', ms=15, zorder=20)
+    axes.plot(*place[:, None], 'x', color='white', ms=7, mew=2.5, zorder=21)
 
 
-def _draw_point(axes: Any, point: Point, *, done: bool) -> None:
-    color = _GOOD if done else (_LOST if point.fate == 'lost' else 'black')
+def _draw_point(axes: Any, k: int, point: Point, *, done: bool) -> None:
+    color = _GOOD if done else (_LOCKED if point.fate == 'lost' else 'black')
     axes.plot(
         *point.position[:, None],
         '*',
-        ms=17,
+        ms=18,
         color=color if done else 'white',
         mec=color,
         zorder=30,
     )
-    above = point.position + np.array([0.0, 0.0, 0.06])
-    axes.text(*above, point.name, color=color, fontsize=11)
+    x, y, _ = proj3d.proj_transform(*point.position, axes.get_proj())
+    label = axes.annotate(
+        point.name,
+        (x, y),
+        xytext=_LABELS[k % len(_LABELS)],
+        textcoords='offset points',
+        color=color,
+        fontsize=12,
+        fontweight='bold',
+        ha='center',
+        va='center',
+        zorder=40,
+    )
+    label.set_path_effects([withStroke(linewidth=3, foreground='white')])
 
 
 def _same_box(plots: list[Any], record: Record) -> None:
@@ -120,14 +161,18 @@ def _same_box(plots: list[Any], record: Record) -> None:
     places = np.concatenate([link_points(record.chain, q) for q in record.positions[::every]])
     places = np.concatenate([places, [goal.position for goal in record.task.goals]])
     middle = 0.5 * (places.max(axis=0) + places.min(axis=0))
-    half = 0.52 * float(np.ptp(places, axis=0).max())
+    half = 0.5 * float(np.ptp(places, axis=0).max())
     for axes in plots:
         axes.set_xlim(middle[0] - half, middle[0] + half)
         axes.set_ylim(middle[1] - half, middle[1] + half)
         axes.set_zlim(middle[2] - half, middle[2] + half)
-        axes.set_box_aspect((1, 1, 1))
-        axes.set(xlabel='x (m)', ylabel='y (m)', zlabel='z (m)')
-        axes.tick_params(labelsize=8)
+        axes.set_box_aspect((1, 1, 1), zoom=1.15)
+        axes.set_xlabel('x (m)', labelpad=-6, fontsize=9)
+        axes.set_ylabel('y (m)', labelpad=-6, fontsize=9)
+        axes.set_zlabel('z (m)', labelpad=-6, fontsize=9)
+        axes.tick_params(labelsize=7, pad=-2)
+        axes.locator_params(nbins=5)
+        axes.view_init(elev=22.0, azim=-60.0)
 
 
 def _draw_joints(axes: Any, record: Record) -> None:
@@ -183,4 +228,4 @@ def _draw_joints(axes: Any, record: Record) -> None:
     axes.grid(alpha=0.3)
     handles, _ = axes.get_legend_handles_labels()
     handles.append(Line2D([], [], color=_GOOD, ls='--', label='point reached'))
-    axes.legend(handles=handles, loc='upper right', ncols=2, fontsize=9, framealpha=0.95)
+    axes.legend(handles=handles, loc='upper left', bbox_to_anchor=(1.0, 1.0), fontsize=11)
