@@ -84,10 +84,11 @@ sys.exit(not os.path.exists(os.path.join(sysconfig.get_path("include"), "Python.
 # Run pip and turn what usually goes wrong into one line.
 pip_install() {
     local log=$logs/pip.log
+    rm -f "$log"
     PYTHONPATH='' "$venv/bin/python" -m pip --disable-pip-version-check --no-input install \
         --progress-bar off --log "$log" "$@" >"$logs/pip.out" 2>&1 && return
     if grep -qiE 'name resolution|failed to establish|connection (refused|error|broken|reset)|timed out|ProxyError|SSLError|unreachable|Max retries' \
-        "$logs/pip.out"; then
+        "$log"; then
         die "cannot reach the Python package index: check the network or proxy" \
             "(details: $logs/pip.out)"
     fi
