@@ -31,11 +31,14 @@ class MessageDefinition:
         machine has no definition of the type.
     type_hash
         RIHS01 hash, or empty where unknown.
+    encoding
+        What ``text`` is written in: 'ros2msg', or 'ros2idl' in bags of others.
     """
 
     type_name: str
     text: str
     type_hash: str
+    encoding: str = 'ros2msg'
 
 
 def split_type_name(type_name: str) -> tuple[str, str, str]:

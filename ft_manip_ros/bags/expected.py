@@ -9,16 +9,10 @@ from typing import Any
 
 import yaml
 
-from ft_manip_ros.bags.findings import Finding, Value
+from ft_manip_ros.bags.findings import Finding
 from ft_manip_ros.bags.replay import ReplayResult
 from ft_manip_ros.core.errors import InputError
 
-# What a later version of a core may change without being wrong: more of a margin, a shorter way.
-_LASTING = {
-    'verdict': ('verdict', 'joints'),
-    'fault': ('from', 'to', 'position'),
-    'plan': ('status', 'goals'),
-}
 _TIME = 0.1  # s
 _NUMBER = 5e-3  # rad or m
 
@@ -33,7 +27,7 @@ def expected_of(result: ReplayResult, start: int) -> dict[str, Any]:
                 'time': round((finding.stamp - start) * 1e-9, 3),
                 **{
                     key: round(value, 4) if isinstance(value, float) else value
-                    for key, value in _lasting(finding).items()
+                    for key, value in finding.values.items()
                 },
             }
             for finding in result.replayed
@@ -72,17 +66,13 @@ def check_expected(path: Path, result: ReplayResult) -> list[str]:
     return problems
 
 
-def _lasting(finding: Finding) -> dict[str, Value]:
-    return {key: finding.values[key] for key in _LASTING[finding.kind] if key in finding.values}
-
-
 def _disagreement(entry: Mapping[str, Any], finding: Finding, start: int) -> str:
     if (finding.kind, finding.about) != (entry.get('kind'), entry.get('about')):
         return 'another thing'
     time = (finding.stamp - start) * 1e-9
     if not _near(entry.get('time'), time, _TIME):
         return f'it was found at {time:.3f} s'
-    for key, value in _lasting(finding).items():
+    for key, value in finding.values.items():
         wanted = entry.get(key)
         same = _near(wanted, value, _NUMBER) if isinstance(value, float) else wanted == value
         if not same:

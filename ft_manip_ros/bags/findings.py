@@ -28,17 +28,22 @@ class Finding:
     about
         What it is about, e.g. a joint or a point: findings are compared with those of the same.
     values
-        What was found.
+        The conclusion: it lasts, whatever version replays the bag.
+    details
+        What it rests on: the same for the same version, but a better core may prove a wider
+        margin or find a shorter way.
     """
 
     kind: str
     stamp: int
     about: str
     values: Mapping[str, Value] = field(default_factory=dict)
+    details: Mapping[str, Value] = field(default_factory=dict)
 
     def text(self) -> str:
         """One line for a person."""
-        shown = ', '.join(f'{k} {_show(v)}' for k, v in self.values.items() if v not in ('', ()))
+        found = {**self.values, **self.details}
+        shown = ', '.join(f'{k} {_show(v)}' for k, v in found.items() if v not in ('', ()))
         return f'{self.about}: {shown}' if shown else self.about
 
     def canonical(self) -> list[object]:
@@ -79,11 +84,14 @@ class Tolerance:
         How far apart (s) two findings may be and still be taken for the same one.
     numbers
         Largest difference by the name of the value.
+    exact
+        Compare details, too.
     """
 
     time: float = 0.05
     pairing: float = 0.5
     numbers: Mapping[str, float] = field(default_factory=dict)
+    exact: bool = False
 
 
 def compare(
@@ -111,30 +119,39 @@ def _pair(
 ) -> list[Difference]:
     differences: list[Difference] = []
     left = list(new)
+    unpaired = []
     for finding in old:
-        near = [f for f in left if abs(f.stamp - finding.stamp) <= tolerance.pairing * 1e9]
-        # The equal one first, then the nearest in time.
-        near.sort(
-            key=lambda f: (bool(_unequal(finding, f, tolerance)), abs(f.stamp - finding.stamp))
-        )
-        if not near:
+        equal = [f for f in _near(finding, left, tolerance) if not _unequal(finding, f, tolerance)]
+        if equal:
+            left.remove(equal[0])
+        else:
+            unpaired.append(finding)
+    for finding in unpaired:
+        near = _near(finding, left, tolerance)
+        if near:
+            left.remove(near[0])
+            differences.append(Difference(finding, near[0], _unequal(finding, near[0], tolerance)))
+        else:
             differences.append(Difference(finding, None))
-            continue
-        left.remove(near[0])
-        if fields := _unequal(finding, near[0], tolerance):
-            differences.append(Difference(finding, near[0], fields))
     return differences + [Difference(None, finding) for finding in left]
 
 
+def _near(finding: Finding, others: Sequence[Finding], tolerance: Tolerance) -> list[Finding]:
+    """Those that may be the same thing, the nearest in time first."""
+    near = [f for f in others if abs(f.stamp - finding.stamp) <= tolerance.pairing * 1e9]
+    return sorted(near, key=lambda f: abs(f.stamp - finding.stamp))
+
+
 def _unequal(old: Finding, new: Finding, tolerance: Tolerance) -> tuple[str, ...]:
-    keys = {**old.values, **new.values}
     late = ('time',) if abs(new.stamp - old.stamp) > tolerance.time * 1e9 else ()
+    a, b = dict(old.values), dict(new.values)
+    if tolerance.exact:
+        a.update(old.details)
+        b.update(new.details)
     return late + tuple(
         key
-        for key in keys
-        if not _equal(
-            old.values.get(key, ''), new.values.get(key, ''), tolerance.numbers.get(key, 0.0)
-        )
+        for key in {**a, **b}
+        if not _equal(a.get(key, ''), b.get(key, ''), tolerance.numbers.get(key, 0.0))
     )
 
 

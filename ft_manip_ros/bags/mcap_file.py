@@ -113,7 +113,7 @@ class McapFile:
             return
         schema = self._schemas.get(definition.type_name)
         if schema is None:
-            encoding = 'ros2msg' if definition.text else ''
+            encoding = definition.encoding if definition.text else ''
             schema = self._writer.register_schema(
                 definition.type_name, encoding, definition.text.encode()
             )

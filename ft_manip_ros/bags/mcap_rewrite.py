@@ -21,6 +21,7 @@ def copy_readable(scan: McapScan, target: McapFile) -> int:
             schema.name if schema else '',
             schema.data.decode('utf-8', 'replace') if schema else '',
             channel.metadata.get('topic_type_hash', ''),
+            schema.encoding if schema else '',
         )
         qos = channel.metadata.get('offered_qos_profiles', '')
         target.add_channel(str(channel.id), channel.topic, definition, qos)

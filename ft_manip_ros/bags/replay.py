@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -17,9 +18,9 @@ from ft_manip_ros.bags.replay_verdicts import VerdictReplay
 from ft_manip_ros.core.errors import InputError
 
 _NUMBERS = {**replay_faults.NUMBERS, **replay_verdicts.NUMBERS, **replay_plans.NUMBERS}
-TOLERANCE = Tolerance(numbers=_NUMBERS)
+_TOLERANCE = Tolerance(numbers=_NUMBERS)
 # With other parameters the question is by how much, so every difference counts.
-OVERRIDDEN = Tolerance(time=0.0, pairing=10.0)
+_OVERRIDDEN = Tolerance(time=0.0, pairing=10.0, exact=True)
 
 
 @dataclass(frozen=True)
@@ -64,6 +65,7 @@ def replay(
     start: int | None = None,
     end: int | None = None,
     threads: int = 1,
+    exact: bool = False,
 ) -> ReplayResult:
     """Re-run a bag's recorded inputs and compare verdicts, faults and plans with the recorded.
 
@@ -77,6 +79,9 @@ def replay(
         Log times (ns) between which messages are replayed.
     threads
         For FTWS queries; the result does not depend on it.
+    exact
+        Also compare what conclusions rest on (margins, witnesses, trajectories): for a bag that
+        this version has recorded.
 
     Raises
     ------
@@ -117,12 +122,18 @@ def replay(
     notes = [*bag.notes, *setup.notes]
     if parts[1].unanswered:
         notes.append(f'{parts[1].unanswered} queries ran out of time when recorded: not compared')
-    recorded = _ordered(f for part in parts for f in part.recorded)
+    recorded = _ordered(
+        f
+        for part in parts
+        for f in part.recorded
+        if (start is None or f.stamp >= start) and (end is None or f.stamp <= end)
+    )
     replayed = _ordered(f for part in parts for f in part.replayed)
+    tolerance = _OVERRIDDEN if overrides else dataclasses.replace(_TOLERANCE, exact=exact)
     return ReplayResult(
         recorded,
         replayed,
-        tuple(compare(recorded, replayed, OVERRIDDEN if overrides else TOLERANCE)),
+        tuple(compare(recorded, replayed, tolerance)),
         digest(replayed),
         messages,
         refused,

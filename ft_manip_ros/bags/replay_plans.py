@@ -167,6 +167,8 @@ def _finding(message: Any) -> Finding:
     values: dict[str, Value] = {
         'status': _name(_STATUS, message.status),
         'goals': ' '.join(outcomes),
+    }
+    details: dict[str, Value] = {
         'arrivals': tuple(np.nan_to_num(arrivals, nan=-1.0).tolist()),
         'frozen_at': tuple(float(p) for p in message.frozen_positions),
         'end': tuple(float(p) for p in points[-1].positions) if len(points) else (),
@@ -175,7 +177,7 @@ def _finding(message: Any) -> Finding:
     # The state that a plan starts from is the same for both; when they heard of it is not.
     when = nanoseconds(message.trajectory.header.stamp) or nanoseconds(message.header.stamp)
     frozen = ', '.join(message.frozen_joints) or 'no joint'
-    return Finding('plan', when, f'plan with {frozen} frozen', values)
+    return Finding('plan', when, f'plan with {frozen} frozen', values, details)
 
 
 def _name(names: tuple[str, ...], number: int) -> str:

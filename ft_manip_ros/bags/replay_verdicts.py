@@ -71,12 +71,12 @@ class VerdictReplay:
 
 
 def _finding(stamp: int, index: int, result: FtwsResult) -> Finding:
-    values: dict[str, Value] = {
-        'verdict': result.verdict.value,
+    details: dict[str, Value] = {
         'joints': ' '.join(result.joints),
         'angles': tuple(float(a) for a in result.angles),
         'residual': float(result.residual),
         'margin': float(result.margin),
     }
     place = ', '.join(f'{x:.6g}' for x in result.point)
-    return Finding('verdict', stamp, f'point {index} ({place})', values)
+    values = {'verdict': result.verdict.value}
+    return Finding('verdict', stamp, f'point {index} ({place})', values, details)

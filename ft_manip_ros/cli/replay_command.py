@@ -33,6 +33,11 @@ def add_parser(subparsers: Any) -> None:
         '--check', action='store_true', help='exit with 1 on any difference, and say which'
     )
     parser.add_argument(
+        '--exact',
+        action='store_true',
+        help='compare margins, witnesses and trajectories, too: for a bag of this very version',
+    )
+    parser.add_argument(
         '--expected',
         type=Path,
         help='also compare with this expected.yaml (with --check: the one beside the bag)',
@@ -74,6 +79,7 @@ def run(args: argparse.Namespace) -> int:
         start=start,
         end=end,
         threads=args.threads,
+        exact=args.exact,
     )
     expected = args.expected
     if expected is None and args.check and not args.override:
@@ -158,6 +164,7 @@ def _as_json(result: ReplayResult, problems: list[str]) -> dict[str, Any]:
             'stamp': finding.stamp,
             'about': finding.about,
             **finding.values,
+            **finding.details,
         }
 
     return {

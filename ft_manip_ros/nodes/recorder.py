@@ -53,7 +53,7 @@ NODES = ('designer', 'workspace', 'fault_monitor', 'replanner', 'arm_sim')
 
 PARAMETERS = (
     ParameterSpec(
-        'output', '', 'Folder of the bag, not existing yet; empty: bags_out/recording_<time>.'
+        'output', '', 'Folder of the bag, not existing yet; empty: out/recording_<time>.'
     ),
     ParameterSpec('topics', list(TOPICS), 'Topics to record; names may be relative.'),
     ParameterSpec('services', list(SERVICES), 'Services whose requests and responses to record.'),
@@ -119,7 +119,7 @@ class Recorder(ManagedNode):
 
     def activate(self) -> None:
         """Open the bag and begin."""
-        folder = Path(self.param('output') or time.strftime('bags_out/recording_%Y%m%d_%H%M%S'))
+        folder = Path(self.param('output') or time.strftime('out/recording_%Y%m%d_%H%M%S'))
         self._report_unfinished(folder.parent)
         writer = BagWriter(folder, self._settings)
         writer.add_provenance('ft_manip_ros', self._provenance())
@@ -189,7 +189,7 @@ class Recorder(ManagedNode):
     def _provenance(self) -> dict[str, str]:
         values = {
             'python': platform.python_version(),
-            'machine': platform.platform(),
+            'machine': f'{platform.system()} {platform.machine()}',
             'middleware': rclpy.get_rmw_implementation_identifier(),
             'ros_distro': os.environ.get('ROS_DISTRO', ''),
             'domain': os.environ.get('ROS_DOMAIN_ID', '0'),
