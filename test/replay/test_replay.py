@@ -131,9 +131,10 @@ def test_a_changed_input_is_a_difference(bag: Bag, tmp_path: Path) -> None:
     start = nanoseconds(command.header.stamp)
     locked = next(f for f in replay(bag).replayed if f.kind == 'fault').stamp
 
-    def move_on(record: BagMessage) -> BagMessage:
+    def move_on(record: BagMessage) -> BagMessage | None:
         if record.topic != '/joint_states':
-            return record
+            # The recorded new plan would hold the joint.
+            return None if record.topic == topic and record.log_time > locked else record
         message = deserialize_message(record.data, JointState)
         stamp = nanoseconds(message.header.stamp)
         if stamp < locked - 300_000_000:
@@ -143,9 +144,7 @@ def test_a_changed_input_is_a_difference(bag: Bag, tmp_path: Path) -> None:
         message.position[k], message.velocity[k] = position[2], velocity[2]
         return record._replace(data=cdr(message))
 
-    # Up to the recorded new plan, which holds the joint.
-    edited = rewrite(bag, tmp_path / 'bag', move_on)
-    differences = replay(edited, end=locked + 5_000_000).differences
+    differences = replay(rewrite(bag, tmp_path / 'bag', move_on)).differences
     missing = [d.recorded for d in differences if d.replayed is None]
     assert any(f is not None and f.kind == 'fault' and f.about == 'joint_3' for f in missing)
 
