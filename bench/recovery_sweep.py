@@ -10,10 +10,10 @@ from ft_manip_ros.core.chain import Array, SerialChain
 from ft_manip_ros.core.goal import Goal
 from ft_manip_ros.core.kinematics import fk
 from ft_manip_ros.core.planning.limits import motion_limits
+from ft_manip_ros.core.planning.margins import tool_errors
 from ft_manip_ros.core.planning.plan import Outcome, Plan, PlanStatus
 from ft_manip_ros.core.planning.proof import prove
 from ft_manip_ros.core.planning.replan import plan_task
-from ft_manip_ros.core.planning.reporting import tool_errors
 from ft_manip_ros.core.planning.settings import PlanSettings
 from ft_manip_ros.core.sim import SimSettings, SimulatedArm
 
@@ -29,6 +29,7 @@ class Tally:
     reachable: int = 0
     lost: int = 0
     undecided: int = 0
+    replayed: int = 0
     arrived: int = 0
     refused: int = 0
     tool_error: float = 0.0  # m
@@ -38,7 +39,7 @@ class Tally:
 
     def add(self, other: Tally) -> None:
         """Take in another tally."""
-        for key in ('goals', 'reachable', 'lost', 'undecided', 'arrived', 'refused'):
+        for key in ('goals', 'reachable', 'lost', 'undecided', 'replayed', 'arrived', 'refused'):
             setattr(self, key, getattr(self, key) + getattr(other, key))
         for key in ('tool_error', 'speed', 'acceleration', 'jerk'):
             setattr(self, key, max(getattr(self, key), getattr(other, key)))
@@ -53,6 +54,7 @@ def lock_and_finish(
     goals: int,
     poses: bool,
     healthy_goals: bool,
+    replayed: int,
     settings: PlanSettings,
 ) -> Tally:
     """Lock one joint, plan through random goals, prove what is undecided, replay the plan.
@@ -67,6 +69,8 @@ def lock_and_finish(
         Full poses, else positions.
     healthy_goals
         Draw goals that the healthy arm reaches; else such that the locked arm reaches them.
+    replayed
+        How many of the goals that the plan visits are replayed in the simulated arm.
     """
     start = rng.uniform(chain.lower, chain.upper)
     start[joint] = angle
@@ -94,20 +98,21 @@ def lock_and_finish(
         tally.lost += outcome.outcome == Outcome.LOST
         tally.undecided += outcome.outcome in (Outcome.UNDECIDED, Outcome.RELAXED)
     if plan.trajectory is not None:
-        _replay(chain, joint, start, plan, tally)
+        _replay(chain, joint, start, plan, replayed, tally)
         _rates(chain, plan, settings, tally)
     return tally
 
 
-def _replay(chain: SerialChain, joint: int, start: Array, plan: Plan, tally: Tally) -> None:
+def _replay(
+    chain: SerialChain, joint: int, start: Array, plan: Plan, replayed: int, tally: Tally
+) -> None:
     """Let the simulated arm, the joint locked, follow the plan, and look where its tool is."""
     assert plan.trajectory is not None
     arm = SimulatedArm(chain, SimSettings(), start=start)
     arm.lock(chain.joint_names[joint], 0.0)
     arm.follow(plan.trajectory.path(), 0.0)
-    for outcome in plan.outcomes:
-        if not outcome.has_posture:
-            continue
+    for outcome in [o for o in plan.outcomes if o.has_posture][:replayed]:
+        tally.replayed += 1
         arm.advance(outcome.arrival + SETTLING)
         distance, turn = tool_errors(chain, arm.position, outcome.goal)
         near = distance <= outcome.goal.position_tolerance
@@ -136,6 +141,7 @@ def sweep(
     poses: bool,
     healthy_goals: bool,
     seed: int,
+    replayed: int = 1000,
     settings: PlanSettings | None = None,
 ) -> Tally:
     """Run `lock_and_finish` for every joint at angles spread over its range; returns the sum."""
@@ -154,6 +160,7 @@ def sweep(
                     goals=goals,
                     poses=poses,
                     healthy_goals=healthy_goals,
+                    replayed=replayed,
                     settings=settings or PlanSettings(),
                 )
             )

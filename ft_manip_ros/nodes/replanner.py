@@ -10,18 +10,21 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from nav_msgs.msg import Path
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Header
+from std_msgs.msg import Header, String
 from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import MarkerArray
 
 from ft_manip_interfaces.msg import FaultState, RecoveryPlan
 from ft_manip_interfaces.msg import Task as TaskMessage
 from ft_manip_ros.core.errors import InputError
-from ft_manip_ros.core.planning.executive import Decision, Executive, ExecutiveSettings
+from ft_manip_ros.core.planning.decision import Decision, ExecutiveSettings
+from ft_manip_ros.core.planning.executive import Executive
+from ft_manip_ros.core.planning.limits import joint_limits_yaml
 from ft_manip_ros.core.planning.plan import Plan
 from ft_manip_ros.core.planning.proof import Proof, needs_proof, prove
-from ft_manip_ros.core.planning.settings import PlanSettings, Policy, Relaxation
+from ft_manip_ros.core.planning.settings import Order, PlanSettings, Policy, Relaxation
 from ft_manip_ros.core.planning.warm_up import warm_up
+from ft_manip_ros.core.urdf_writer import chain_to_urdf
 from ft_manip_ros.nodes import topics
 from ft_manip_ros.nodes.arm_model import load_arm_parameter
 from ft_manip_ros.nodes.conversions import nanoseconds, task_from_message
@@ -36,6 +39,8 @@ from ft_manip_ros.nodes.plan_messages import (
 from ft_manip_ros.nodes.process import run
 
 TASK_PLAN = 'replanner/task_plan'  # RecoveryPlan for the healthy arm, latched
+REDUCED = 'replanner/reduced_description'  # std_msgs/String, URDF of the ROD, latched
+LIMITS = 'replanner/joint_limits'  # std_msgs/String, limits of the ROD as MoveIt reads, latched
 TOOL_PATH = 'replanner/path'  # nav_msgs/Path, latched
 
 _PROOF_POLL = 0.02  # s
@@ -47,6 +52,12 @@ PARAMETERS = (
         Policy.FINISH_REACHABLE.value,
         'What to do when a joint has failed.',
         choices=tuple(policy.value for policy in Policy),
+    ),
+    ParameterSpec(
+        'order',
+        Order.GIVEN.value,
+        'In which order to visit the goals that remain.',
+        choices=tuple(order.value for order in Order),
     ),
     ParameterSpec(
         'accepted_relaxations',
@@ -118,6 +129,7 @@ class Replanner(ManagedNode):
         self._chain = load_arm_parameter(self)
         self._settings = PlanSettings(
             policy=Policy(self.param('policy')),
+            order=Order(self.param('order')),
             accepted=frozenset(_relaxation(name) for name in self.param('accepted_relaxations')),
             postures=self.param('postures'),
             attempts=self.param('attempts'),
@@ -136,6 +148,7 @@ class Replanner(ManagedNode):
         )
         self._executive = Executive(self._chain, self._settings, watching)
         self._frame = ''
+        self._described: dict[str, float] = {}
         self._trajectories = self.advertise(
             JointTrajectory, topics.JOINT_TRAJECTORY, topics.COMMAND_QOS
         )
@@ -144,6 +157,8 @@ class Replanner(ManagedNode):
         self._markers = self.advertise(
             MarkerArray, topics.markers('replanner'), topics.LATCHED_QOS
         )
+        self._reduced = self.advertise(String, REDUCED, topics.LATCHED_QOS)
+        self._limits = self.advertise(String, LIMITS, topics.LATCHED_QOS)
         self._paths = self.advertise(Path, TOOL_PATH, topics.LATCHED_QOS)
         # Proofs take long and hold no lock: they run beside the callbacks.
         self._prover = ThreadPoolExecutor(max_workers=1)
@@ -204,6 +219,7 @@ class Replanner(ManagedNode):
             nanoseconds(message.header.stamp), frozen, sigma, runaway
         )
         self._carry_out(decision, message.header, arrived)
+        self._describe_arm(frozen)
 
     def _carry_out(self, decision: Decision | None, header: Header, arrived: float) -> None:
         """Send what was decided; ``header`` is that of the message which it answers."""
@@ -223,6 +239,15 @@ class Replanner(ManagedNode):
         if needs_proof(decision.plan) and not decision.restated:
             future = self._prover.submit(prove, self._chain, decision.plan, self._settings)
             self._proof = (decision, header, future)
+
+    def _describe_arm(self, frozen: dict[str, float]) -> None:
+        """Let other planners go on with the arm as it now is."""
+        if frozen == self._described:
+            return
+        self._described = frozen
+        if len(frozen) < self._chain.n:
+            self._reduced.publish(String(data=chain_to_urdf(self._chain.freeze(frozen))))
+        self._limits.publish(String(data=joint_limits_yaml(self._chain, frozen)))
 
     def _tell(self, plan: Plan, cause: str, took: float) -> None:
         self.get_logger().info(

@@ -11,69 +11,13 @@ import numpy as np
 from ft_manip_ros.core.chain import Array, SerialChain
 from ft_manip_ros.core.errors import InputError
 from ft_manip_ros.core.goal import Goal, Task
-from ft_manip_ros.core.planning.plan import Plan
+from ft_manip_ros.core.planning.decision import Decision, ExecutiveSettings, Visited
+from ft_manip_ros.core.planning.margins import tool_errors
 from ft_manip_ros.core.planning.proof import Proof
 from ft_manip_ros.core.planning.replan import plan_task
-from ft_manip_ros.core.planning.reporting import tool_errors
 from ft_manip_ros.core.planning.settings import PlanSettings
 
 _SECOND = 1_000_000_000
-
-
-@dataclass(frozen=True)
-class ExecutiveSettings:
-    """How the executive watches the arm.
-
-    Attributes
-    ----------
-    state_timeout
-        A measured state older than this (s) is not planned from.
-    velocity_window
-        Where joint states carry no velocities, they are fitted to the positions of this long (s).
-    patience
-        Time (s) after the last planned arrival before goals that were not met are planned again.
-    retries
-        How often that is done between two changes of the frozen joints.
-    """
-
-    state_timeout: float = 0.5
-    velocity_window: float = 0.05
-    patience: float = 1.0
-    retries: int = 2
-
-
-@dataclass(frozen=True, eq=False)
-class Decision:
-    """A plan that the arm is to follow from now on.
-
-    Attributes
-    ----------
-    stamp
-        Of the measured state that the plan starts from (ns): its trajectory's time 0.
-    cause
-        What made it necessary, one clause.
-    degraded
-        False for the plan of the healthy arm.
-    restated
-        True where the motion is under way already and only its report has become better known.
-    """
-
-    plan: Plan
-    stamp: int
-    cause: str
-    degraded: bool
-    restated: bool = False
-
-
-@dataclass(frozen=True)
-class Visited:
-    """A goal at which the tool was measured within its tolerances."""
-
-    index: int
-    id: str
-    stamp: int
-    position_error: float
-    orientation_error: float
 
 
 @dataclass(eq=False)

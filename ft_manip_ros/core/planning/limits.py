@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+import yaml
 from numpy.typing import NDArray
 
 from ft_manip_ros.core.chain import FULL_TURN, Array, ChainArrays, SerialChain
@@ -89,6 +91,27 @@ def motion_limits(chain: SerialChain, *, operating: bool, jerk_time: float) -> M
 def arrays_within(chain: SerialChain, limits: MotionLimits) -> ChainArrays:
     """Return the arm as kernels read it, with the limits to obey."""
     return chain.arrays._replace(lower=limits.lower, upper=limits.upper, wraps=limits.turns)
+
+
+def joint_limits_yaml(chain: SerialChain, frozen: Mapping[str, float]) -> str:
+    """Return the physical limits as a ``joint_limits.yaml`` for MoveIt; frozen joints have none.
+
+    A frozen joint's range is the one position where it stands.
+    """
+    limits = {}
+    for joint in chain.joints:
+        stuck = joint.name in frozen
+        at = float(frozen.get(joint.name, 0.0))
+        limits[joint.name] = {
+            'has_position_limits': stuck or not joint.wraps,
+            'min_position': at if stuck else joint.lower,
+            'max_position': at if stuck else joint.upper,
+            'has_velocity_limits': True,
+            'max_velocity': 0.0 if stuck else joint.velocity,
+            'has_acceleration_limits': True,
+            'max_acceleration': 0.0 if stuck else joint.acceleration,
+        }
+    return yaml.safe_dump({'joint_limits': limits}, sort_keys=False)
 
 
 def travel(start: Array, end: Array, unlimited: NDArray[np.bool_]) -> Array:

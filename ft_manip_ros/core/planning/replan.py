@@ -94,7 +94,7 @@ def plan_task(
     route = stopping
     if chosen:
         route = plan_route(
-            chosen, start[healthy], start_velocity[healthy], healthy, here, limits, settings
+            chain, chosen, start[healthy], start_velocity[healthy], healthy, here, limits, settings
         )
     outcomes = tuple(
         outcome_of(chain, finding, route.visits.get(finding.index), frozen, sigma)

@@ -4,59 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-import numpy as np
-
-from ft_manip_ros.core.chain import Array, SerialChain
-from ft_manip_ros.core.goal import Goal
-from ft_manip_ros.core.kinematics import fk, jacobian
+from ft_manip_ros.core.chain import SerialChain
+from ft_manip_ros.core.planning.margins import posture_margin, tool_errors, tool_uncertainty
 from ft_manip_ros.core.planning.plan import GoalOutcome, Outcome, PlanStatus
 from ft_manip_ros.core.planning.route import Visit
 from ft_manip_ros.core.planning.triage import Finding
-
-
-def tool_errors(chain: SerialChain, q: Array, goal: Goal) -> tuple[float, float]:
-    """Distance (m) and angle (rad) between the tool at posture ``q``, (n,), and a goal.
-
-    The angle is that between the z axes where the goal leaves the roll free, and NaN where it
-    has no orientation.
-    """
-    rotation, position = fk(chain, q)
-    distance = float(np.linalg.norm(position - goal.position))
-    if goal.orientation is None:
-        return distance, float('nan')
-    if goal.free_axis:
-        a, b = rotation[:, 2], goal.orientation[:, 2]
-        return distance, float(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b))
-    turn = goal.orientation @ rotation.T
-    skew = 0.5 * (turn - turn.T)
-    sine = np.linalg.norm([skew[2, 1], skew[0, 2], skew[1, 0]])
-    return distance, float(np.arctan2(sine, 0.5 * (np.trace(turn) - 1.0)))
-
-
-def tool_uncertainty(chain: SerialChain, q: Array, sigma: Mapping[str, float]) -> float:
-    """Standard deviation (m) of the tool position that the frozen joints' sigmas cause."""
-    if not any(sigma.values()):
-        return 0.0
-    moves = jacobian(chain, q)[:3]
-    variance = sum(
-        float(np.sum(moves[:, chain.index(name)] ** 2)) * value**2 for name, value in sigma.items()
-    )
-    return float(np.sqrt(variance))
-
-
-def posture_margin(chain: SerialChain, q: Array, frozen: Mapping[str, float]) -> float:
-    """Distance (m) that the tool could move any way before a healthy joint meets its limit.
-
-    To first order, by the smallest joint motion; 0 at a singular posture.
-    """
-    healthy = [i for i, name in enumerate(chain.joint_names) if name not in frozen]
-    moves = jacobian(chain, q)[:3, healthy]
-    if np.linalg.matrix_rank(moves) < 3:
-        return 0.0
-    effort = np.linalg.norm(np.linalg.pinv(moves), axis=1)
-    slack = np.minimum(q - chain.lower, chain.upper - q)[healthy]
-    slack = np.where(chain.arrays.wraps[healthy], np.inf, np.maximum(slack, 0.0))
-    return float(np.min(slack / np.maximum(effort, 1e-12)))
 
 
 def outcome_of(

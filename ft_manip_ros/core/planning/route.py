@@ -8,11 +8,13 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from ft_manip_ros.core.chain import FULL_TURN, Array
+from ft_manip_ros.core.chain import FULL_TURN, Array, SerialChain
 from ft_manip_ros.core.planning import timing
 from ft_manip_ros.core.planning.limits import MotionLimits, travel
-from ft_manip_ros.core.planning.sequence import choose_postures
-from ft_manip_ros.core.planning.settings import PlanSettings
+from ft_manip_ros.core.planning.margins import posture_margin
+from ft_manip_ros.core.planning.ordering import fastest_order, safest_order
+from ft_manip_ros.core.planning.sequence import choose_postures, straight_time
+from ft_manip_ros.core.planning.settings import Order, PlanSettings
 from ft_manip_ros.core.planning.timing import Motion
 from ft_manip_ros.core.planning.triage import Finding
 
@@ -44,6 +46,7 @@ def stop_route(q: Array, v: Array, limits: MotionLimits, settings: PlanSettings)
 
 
 def plan_route(
+    chain: SerialChain,
     findings: Sequence[Finding],
     q: Array,
     v: Array,
@@ -52,10 +55,12 @@ def plan_route(
     limits: MotionLimits,
     settings: PlanSettings,
 ) -> Route:
-    """Visit the goals in the given order, each in the posture that makes the whole fastest.
+    """Visit the goals, each in the posture that makes the whole fastest.
 
     Parameters
     ----------
+    chain
+        The full arm.
     findings
         Goals with at least one posture each.
     q, v : shape (m,)
@@ -69,16 +74,15 @@ def plan_route(
     """
     hard = limits.take(healthy)
     scaled = hard.scaled(settings.rate_scale)
-    candidates = [
-        folded(finding.postures.q[:, healthy], here[healthy], hard) for finding in findings
-    ]
-    first = np.array([timing.arrival_time(q, v, target, scaled, hard) for target in candidates[0]])
-    extra = [settings.limit_weight * limit_closeness(group, scaled) for group in candidates]
-    picks, _ = choose_postures(first, candidates, scaled, extra=extra)
+    groups = [folded(finding.postures.q[:, healthy], here[healthy], hard) for finding in findings]
+    findings, groups = _ordered(chain, findings, groups, here, healthy, scaled, settings)
+    first = np.array([timing.arrival_time(q, v, target, scaled, hard) for target in groups[0]])
+    extra = [settings.limit_weight * limit_closeness(group, scaled) for group in groups]
+    picks, _ = choose_postures(first, groups, scaled, extra=extra)
     parts: list[Motion] = []
     visits: dict[int, Visit] = {}
     clock, at = 0.0, q
-    for finding, group, pick in zip(findings, candidates, picks, strict=True):
+    for finding, group, pick in zip(findings, groups, picks, strict=True):
         if parts:
             target = at + travel(at, group[pick], scaled.unlimited)
             move = timing.move_between(at, target, scaled, settings.sample_period)
@@ -93,6 +97,34 @@ def plan_route(
         clock += rest.duration
         parts += [move, rest]
     return Route(timing.joined(parts), visits)
+
+
+def _ordered(
+    chain: SerialChain,
+    findings: Sequence[Finding],
+    groups: list[Array],
+    here: Array,
+    healthy: NDArray[np.intp],
+    limits: MotionLimits,
+    settings: PlanSettings,
+) -> tuple[Sequence[Finding], list[Array]]:
+    """Goals and their postures in the order that the settings ask for."""
+    if settings.order == Order.GIVEN or len(findings) < 2:
+        return findings, groups
+    if settings.order == Order.SAFEST:
+        names = {chain.joint_names[i] for i in range(chain.n)} - {
+            chain.joint_names[i] for i in healthy
+        }
+        margins = [
+            max(posture_margin(chain, q, names) for q in finding.postures.q)
+            for finding in findings
+        ]
+        order = safest_order(np.array(margins))
+    else:
+        rates = (limits.unlimited, limits.velocity, limits.acceleration, limits.jerk)
+        first = [min(straight_time(here[healthy], q, *rates) for q in group) for group in groups]
+        order = fastest_order(np.array(first), groups, limits)
+    return [findings[k] for k in order], [groups[k] for k in order]
 
 
 def folded(postures: Array, near: Array, limits: MotionLimits) -> Array:

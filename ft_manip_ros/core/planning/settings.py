@@ -18,6 +18,14 @@ class Policy(str, Enum):
     FINISH_ALL_OR_HALT = 'finish_all_or_halt'
 
 
+class Order(str, Enum):
+    """In which order to visit the goals that remain."""
+
+    GIVEN = 'given'
+    FASTEST = 'fastest'
+    SAFEST = 'safest'
+
+
 class Relaxation(str, Enum):
     """What may be given up to reach a goal."""
 
@@ -34,6 +42,8 @@ class PlanSettings:
     policy
         ``halt``: stop. ``finish_reachable``: go on with every goal that a posture is known for.
         ``finish_all_or_halt``: go on only if that is every goal.
+    order
+        ``given``: the task's. ``fastest``: for little time. ``safest``: largest margin first.
     accepted
         Relaxations with which a goal may be visited; with others it is only reported.
     postures
@@ -60,6 +70,7 @@ class PlanSettings:
     """
 
     policy: Policy = Policy.FINISH_REACHABLE
+    order: Order = Order.GIVEN
     accepted: frozenset[Relaxation] = frozenset()
     postures: int = 8
     attempts: int = 24

@@ -8,7 +8,8 @@ import pytest
 from ft_manip_ros.core.arm_file import load_arm
 from ft_manip_ros.core.errors import InputError
 from ft_manip_ros.core.goal import Goal, Task
-from ft_manip_ros.core.planning.executive import Executive, ExecutiveSettings
+from ft_manip_ros.core.planning.decision import ExecutiveSettings
+from ft_manip_ros.core.planning.executive import Executive
 from ft_manip_ros.core.planning.plan import Outcome, PlanStatus
 from ft_manip_ros.core.planning.proof import prove
 from ft_manip_ros.core.planning.settings import PlanSettings
