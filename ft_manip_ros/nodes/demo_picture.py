@@ -214,11 +214,13 @@ def _draw_joints(axes: Any, record: Record) -> None:
         if point.reached:
             at = (point.at - record.started) * 1e-9
             axes.axvline(at, color=_GOOD, lw=1.2, ls='--')
-            axes.text(
-                at,
-                axes.get_ylim()[0],
-                f' {point.name} reached',
+            axes.annotate(
+                f'{point.name} reached',
+                (at, axes.get_ylim()[0]),
+                xytext=(4, 6),
+                textcoords='offset points',
                 color=_GOOD,
+                fontsize=11,
                 rotation=90,
                 va='bottom',
             )
