@@ -141,6 +141,14 @@ class Recording:
         return self.status()
 
     def _run(self) -> None:
+        try:
+            self._write_until_closed()
+        except OSError as error:
+            self._note_error(str(error))
+        except Exception as error:  # noqa: BLE001 - whatever it was, it must not pass unseen
+            self._note_error(f'recording ended: {type(error).__name__}: {error}')
+
+    def _write_until_closed(self) -> None:
         while True:
             with self._news:
                 if not self._queue and not self._closing:
@@ -149,11 +157,8 @@ class Recording:
             done = self._work(closing)
             if closing and done:
                 break
-        try:
-            self._writer.close()
-            self._note_error('')
-        except OSError as error:
-            self._note_error(str(error))
+        self._writer.close()
+        self._note_error('')
 
     def _work(self, closing: bool) -> bool:
         """Write what is queued; True when nothing is left, or the disk refuses for good."""
