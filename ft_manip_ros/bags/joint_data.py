@@ -28,7 +28,7 @@ def joint_state_topics(bag: Bag) -> list[str]:
     if not topics:
         raise InputError(
             f'bag {bag.path}',
-            f'has no topic of type {JOINT_STATE}; it has {", ".join(sorted(bag.topics)) or "none"}',
+            f'has no topic of type {JOINT_STATE}; it has {sorted(bag.topics)}',
         )
     return [name for name in topics if name.rpartition('/')[2] == 'joint_states'] or topics
 
@@ -71,7 +71,7 @@ def feed_bag(
         What was wrong with messages that were left out.
     """
     states = set(topics)
-    kinds = {name: JOINT_STATE for name in states}
+    kinds = dict.fromkeys(states, JOINT_STATE)
     for name, info in bag.topics.items():
         if info.type_name in (TRAJECTORY, CONTROLLER_STATE):
             kinds[name] = info.type_name

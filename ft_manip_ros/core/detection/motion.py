@@ -67,7 +67,7 @@ def _against(r: Any, ring_t: Array, ring_c: Array, t: float, q: float) -> int:
         c = command_at(r, ring_t, ring_c, t - share * r.lag_high)
         if not np.isnan(c):
             lo, hi = min(lo, c), max(hi, c)
-    reach = r.runaway_distance + 2.0 * r.envelope
+    reach = r.runaway_distance + r.envelope
     step = r.q_1 - r.q_2
     least = 0.2 * r.runaway_distance * (r.t_1 - r.t_2)  # slower than this is creep
     if q > hi + reach and step > least:

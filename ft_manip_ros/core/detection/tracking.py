@@ -130,6 +130,11 @@ def learn_tracking(
     """
     if r.ring_n < 3 or abs(r.command_speed) < r.moving_speed:
         return
+    if r.lag_known:
+        c = command_at(r, ring_t, ring_c, t - r.lag)
+        if abs(q - c - r.offset) > 0.5 * r.runaway_distance:
+            # Too far away to be taken for tracking: nothing of this is learned.
+            return
     dt = min(t - r.t_1, 0.2)
     # Slow motion says little about lag, and much about sag and friction.
     pace = r.command_speed / (_PACE * r.moving_speed)
