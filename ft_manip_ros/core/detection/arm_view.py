@@ -13,6 +13,7 @@ from ft_manip_ros.core.detection.machine import (
     LOCK_CONFIRMED,
     LOCK_FIRST,
     LOCK_HELD_BACK,
+    LOCK_UNSENSED,
     LOCKED,
     RUNAWAY,
 )
@@ -28,6 +29,8 @@ _UNCOMMANDED: Final = int(Cause.MOVES_UNCOMMANDED)
 _RECENT: Final = 0.5  # s
 _LATE_SAMPLES: Final = 5
 _LATE_TIME: Final = 0.1  # s
+_FLICKER_SAMPLES: Final = 30
+_FLICKER_SHARE: Final = 0.2
 _FEW_REPEATS: Final = 0.05  # share of messages below which repetition is news
 _ENOUGH_MESSAGES: Final = 200
 _LOG_IMPOSSIBLE: Final = -40.0
@@ -44,10 +47,14 @@ def lock_stage_of(memory: Memory, i: int, stage: int, fresh: bool, repeated: boo
         return stage
     if not fresh or repeated:
         return LOCK_FIRST
+    r = memory.joints[i]
+    if r.changes_ever == 0 and r.q == 0.0 and _others_flicker(memory, i):
+        return LOCK_UNSENSED
     least = int(memory.settings[0].not_executing_joints)
+    if r.ring_n == 0:
+        return stage if _others_move(memory, i) else LOCK_FIRST
     if least == 0:
         return stage
-    r = memory.joints[i]
     commanded = 1
     for j in range(memory.joints.shape[0]):
         other = memory.joints[j]
@@ -63,6 +70,29 @@ def lock_stage_of(memory: Memory, i: int, stage: int, fresh: bool, repeated: boo
         if asked or abs(other.command_speed) >= other.moving_speed:
             commanded += 1
     return LOCK_HELD_BACK if commanded >= least and commanded > 1 else stage
+
+
+@numba.njit(cache=True, nogil=True)
+def _others_flicker(memory: Memory, i: int) -> bool:
+    """Tell whether another encoder's reading changes although its joint rests."""
+    for j in range(memory.joints.shape[0]):
+        other = memory.joints[j]
+        flickers = other.changes > _FLICKER_SHARE * other.comparisons
+        if j != i and other.comparisons >= _FLICKER_SAMPLES and flickers:
+            return True
+    return False
+
+
+@numba.njit(cache=True, nogil=True)
+def _others_move(memory: Memory, i: int) -> bool:
+    """Tell whether another joint moved in the later half of this joint's stillness."""
+    r = memory.joints[i]
+    middle = 0.5 * (r.still_since + r.t)
+    for j in range(memory.joints.shape[0]):
+        other = memory.joints[j]
+        if j != i and other.has_moved and other.still_since > middle:
+            return True
+    return False
 
 
 @numba.njit(cache=True, nogil=True)

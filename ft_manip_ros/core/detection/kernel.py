@@ -14,6 +14,7 @@ from ft_manip_ros.core.detection.arm_view import (
     stale_cause,
     watch_payload,
 )
+from ft_manip_ros.core.detection.coasting import observe_coasting
 from ft_manip_ros.core.detection.layout import NO_TIME, Memory
 from ft_manip_ros.core.detection.machine import decide, lock_stage
 from ft_manip_ros.core.detection.motion import QUIET, follow_proof, judge_motion
@@ -68,6 +69,7 @@ def forget_windows(r: Any) -> None:
     r.command_rest_value = np.nan
     r.command_rest_since = NO_TIME
     r.bad_run = 0
+    r.past_n = 0
 
 
 @numba.njit(cache=True, nogil=True)
@@ -137,6 +139,8 @@ def _accept(memory: Memory, j: int, t: float, q: float, v: float, e: float, c: f
         r.has_moved = r.has_sample and dt > 0.0
         if level >= _FIRST_LEVEL:
             _note_jerk(r, t, missing)
+    if r.ring_n == 0:
+        observe_coasting(r, memory.past_t[j], memory.past_q[j], t, q)
     r.late_mean = q if r.still_n <= 1 else r.late_mean + 0.35 * (q - r.late_mean)
     effort_speaks(r, s, e)
     level = lock_level(r)

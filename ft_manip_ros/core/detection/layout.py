@@ -14,6 +14,7 @@ from ft_manip_ros.core.detection.settings import MonitorSettings
 from ft_manip_ros.core.detection.states import JointState
 
 RING = 512  # command samples kept for each joint
+PAST = 128  # position samples kept for each joint
 NO_TIME = -1.0e18  # s, before anything
 # Tracking lags (s) that are compared with one another; the prior is beyond the usual ones.
 LAGS = np.array([0.0, 0.008, 0.016, 0.025, 0.035, 0.05, 0.07, 0.095, 0.125, 0.16, 0.2, 0.25, 0.32])
@@ -32,6 +33,7 @@ _FLAGS = (
     'command_moves',
     'high_effort',
     'dead',
+    'stop_counted',
 )
 _COUNTS = (
     'state',
@@ -59,6 +61,10 @@ _COUNTS = (
     'suspects',
     'ring_head',
     'ring_n',
+    'past_n',
+    'moving_n',
+    'stops',
+    'changes_ever',
 )
 _NUMBERS = (
     # known of the joint beforehand (rad or m, /s)
@@ -128,6 +134,10 @@ _NUMBERS = (
     'stick',
     'last_jerk',
     'effort_envelope',
+    # speed and braking of a joint without command
+    'speed',
+    'stop_speed',
+    'braking',
     # motion without or against the command, proof of health
     'drift_q',
     'drift_t',
@@ -192,6 +202,8 @@ class Memory(NamedTuple):
     lag_var: NDArray[np.float64]  # (n, LAGS + 1), its variance; last: that of c itself
     lags: NDArray[np.float64]  # (LAGS,), s
     raw: NDArray[np.float64]  # (n, 3), position, velocity and effort as last reported
+    past_t: NDArray[np.float64]  # (n, PAST), s, latest samples of joints without command
+    past_q: NDArray[np.float64]  # (n, PAST), rad or m
 
 
 def allocate(
@@ -248,4 +260,6 @@ def allocate(
         np.zeros((n, len(LAGS) + 1)),
         LAGS.copy(),
         np.full((n, 3), np.nan),
+        np.zeros((n, PAST)),
+        np.zeros((n, PAST)),
     )

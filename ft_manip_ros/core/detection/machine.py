@@ -35,16 +35,20 @@ _NO_MOTION_HIGH_EFFORT: Final = int(Cause.NO_MOTION_HIGH_EFFORT)
 _NOT_EXECUTING: Final = int(Cause.ARM_NOT_EXECUTING)
 _VELOCITY_DISAGREES: Final = int(Cause.VELOCITY_DISAGREES)
 _MOVED_WHILE_LOCKED: Final = int(Cause.MOVED_WHILE_LOCKED)
+_STOPPED: Final = int(Cause.STOPPED_AMONG_MOVING)
+_NO_SENSOR: Final = int(Cause.NO_SENSOR)
 _CLEARED: Final = int(Cause.CLEARED)
 
 LOCK_NONE: Final = 0
 LOCK_FIRST: Final = 1  # first evidence
 LOCK_HELD_BACK: Final = 2  # confirmed, but no commanded joint of the arm moves
 LOCK_CONTRADICTED: Final = 3  # confirmed, but the reported velocity says the joint moves
-LOCK_CONFIRMED: Final = 4
+LOCK_UNSENSED: Final = 4  # confirmed, but the channel never showed that it has a sensor
+LOCK_CONFIRMED: Final = 5
 
 _SUSPECT_LEVEL: Final = 0.5
 _CONTRADICTIONS: Final = 3
+_UNCOMMANDED_CARE: Final = 5  # times the confirm window, where no command is known
 _ACTIVE: Final = 0.3  # s that a joint counts as commanded after its command came to rest
 _SLIP_SAMPLES: Final = 3
 
@@ -54,7 +58,9 @@ def lock_stage(r: Any, s: Any, level: float) -> int:
     """How far the evidence for a lock has come, seen from this joint alone."""
     if r.exempt or level < _SUSPECT_LEVEL:
         return LOCK_NONE
-    enough = r.still_n >= s.confirm_samples and r.still_time >= s.confirm_s - 1e-9
+    harder = 1 if r.ring_n > 0 else _UNCOMMANDED_CARE
+    enough = r.still_n >= harder * s.confirm_samples
+    enough = enough and r.still_time >= harder * s.confirm_s - 1e-9
     if level < 1.0 or not enough:
         return LOCK_FIRST
     if r.contradictions >= _CONTRADICTIONS:
@@ -118,7 +124,8 @@ def decide(
             watch_locked(r, t, r.q)
         return
     if fresh and stage == LOCK_CONFIRMED:
-        freeze(r, t, _NO_MOTION_HIGH_EFFORT if r.high_effort else _NO_MOTION)
+        cause = _NO_MOTION_HIGH_EFFORT if r.high_effort else _NO_MOTION
+        freeze(r, t, cause if r.ring_n > 0 else _STOPPED)
         return
     if fresh and runaway >= 0:
         r.state = RUNAWAY
@@ -132,6 +139,8 @@ def decide(
         _enter(r, STALE, stale, t)
     elif stage == LOCK_CONTRADICTED:
         _enter(r, SENSOR, _VELOCITY_DISAGREES, r.suspect_since)
+    elif stage == LOCK_UNSENSED:
+        _enter(r, SENSOR, _NO_SENSOR, r.suspect_since)
     elif stage == LOCK_FIRST:
         _enter(r, SUSPECT, _FIRST_EVIDENCE, r.suspect_since)
     elif stage == LOCK_HELD_BACK:

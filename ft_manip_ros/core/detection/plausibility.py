@@ -119,6 +119,8 @@ def repeats_unlike_itself(r: Any, t: float, raw: float, dead_s: float) -> bool:
             r.change_sum += abs(raw - r.raw_1)
             if (raw - r.raw_1) * r.raw_step < 0.0:
                 r.reversals += 1
+        if not np.isnan(r.raw_1):
+            r.changes_ever += 1
         r.raw_step = raw - r.raw_1
         r.raw_1 = raw
         r.repeat_run = 0

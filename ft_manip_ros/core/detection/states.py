@@ -47,6 +47,7 @@ class Cause(IntEnum):
     MANUAL = 21
     UNSEEN_COMMANDS = 22
     RESTORED = 23
+    NO_SENSOR = 24
 
 
 CAUSE_TEXT: dict[Cause, str] = {
@@ -73,6 +74,7 @@ CAUSE_TEXT: dict[Cause, str] = {
     Cause.JERKS: 'follows its command by jerks',
     Cause.MANUAL: 'declared frozen',
     Cause.UNSEEN_COMMANDS: 'several joints move without a command: others are commanding the arm',
+    Cause.NO_SENSOR: 'has read exactly zero ever since, beside encoders that flicker',
     Cause.RESTORED: 'restored from the state file',
 }
 

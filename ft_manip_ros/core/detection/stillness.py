@@ -69,7 +69,6 @@ def observe_stillness(
     if r.still_n <= _ANCHOR_SAMPLES:
         r.still_q = r.still_sum / r.still_n
     if r.ring_n == 0:
-        r.missing = 0.0
         return False
     tau = t - r.lag_used
     if tau >= r.still_since - r.lag_low_used:

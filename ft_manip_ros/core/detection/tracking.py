@@ -193,6 +193,8 @@ def learn_tracking(
 def slack_of(r: Any, unproved_factor: float) -> float:
     """Commanded motion that this joint may swallow while healthy (rad or m)."""
     stick = _STICK_FACTOR * r.stick
+    if r.ring_n == 0:
+        return r.slack
     if not r.lag_known:
         return max(r.slack * unproved_factor, stick)
     prior = r.slack * max(0.0, 1.0 - r.moved_s / _TRUST_AFTER)
