@@ -14,14 +14,17 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from tqdm import tqdm
 
+from ft_manip_ros.cli.design_output import Progress, describe, to_json
 from ft_manip_ros.core.arm_file import save_dh
-from ft_manip_ros.core.design.candidate import Candidate, DesignResult
+from ft_manip_ros.core.design.candidate import DesignResult
+from ft_manip_ros.core.design.certificate import certify_design, check_certificates
+from ft_manip_ros.core.design.problem import design_problem
 from ft_manip_ros.core.design.search import design_arm
-from ft_manip_ros.core.design.settings import METHODS, DesignSettings
+from ft_manip_ros.core.design.settings import EXECUTORS, METHODS, DesignSettings
 from ft_manip_ros.core.design.space import FAMILIES
 from ft_manip_ros.core.errors import InputError
+from ft_manip_ros.core.ftws.certificate import save_certificate
 from ft_manip_ros.core.goal import DesignSpec, Task
 from ft_manip_ros.core.task_file import load_task
 
@@ -47,7 +50,11 @@ def add_parser(subparsers: Any) -> None:
     parser.add_argument(
         '--time-budget', type=float, default=defaults.time_budget, help='when to give up (s)'
     )
-    parser.add_argument('--workers', type=int, default=1, help='segments searched side by side')
+    parser.add_argument('--workers', type=int, default=1, help='searches side by side')
+    parser.add_argument(
+        '--executor', choices=EXECUTORS, default=defaults.executor, help='what the workers are'
+    )
+    parser.add_argument('--scheduler', default='', help='address of a Dask scheduler')
     parser.add_argument(
         '--margin', type=float, default=defaults.margin,
         help="room around every goal, as a share of the farthest goal's distance",
@@ -66,7 +73,15 @@ def add_parser(subparsers: Any) -> None:
         help='value of one parameter, e.g. alpha_2 90; m and deg',
     )  # fmt: skip
     parser.add_argument('--output', help='arm file to write the design to')
-    parser.add_argument('--force', action='store_true', help='overwrite the output')
+    parser.add_argument('--certificate', help='JSON file for the proofs, once they are verified')
+    parser.add_argument('--report', help='PNG file: hardest RODs, FTWS slice, penalties')
+    parser.add_argument(
+        '--checkpoint', help='file to keep the search in (default: OUTPUT.checkpoint)'
+    )
+    parser.add_argument(
+        '--resume', action='store_true', help='go on from the checkpoint of a broken search'
+    )
+    parser.add_argument('--force', action='store_true', help='overwrite files')
     parser.add_argument('--json', action='store_true', help='print the result as JSON')
 
 
@@ -79,6 +94,8 @@ def run(args: argparse.Namespace) -> int:
         seed=args.seed,
         time_budget=args.time_budget,
         workers=args.workers,
+        executor=args.executor,
+        scheduler=args.scheduler,
         margin=args.margin,
         alpha_step=float(np.deg2rad(args.alpha_step_deg)),
         family=args.family,
@@ -89,16 +106,58 @@ def run(args: argparse.Namespace) -> int:
         },
         fixed={name: _value('fix', name, value) for name, value in args.fix},
     )
-    if args.output and os.path.exists(args.output) and not args.force:
-        raise InputError('--output', f'{args.output} exists; --force overwrites it')
-    with _ctrl_c() as stop, _Progress(settings) as progress:
+    checkpoint = args.checkpoint or (f'{args.output}.checkpoint' if args.output else None)
+    if args.resume and checkpoint is None:
+        raise InputError('--resume', 'needs --checkpoint, or the --output of the broken search')
+    for option in ('output', 'certificate', 'report'):
+        _check_target(f'--{option}', getattr(args, option), args.force)
+    with _ctrl_c() as stop, Progress(settings) as progress:
         result = design_arm(
-            task, spec, settings, on_candidate=progress.show, should_stop=stop.is_set
+            task,
+            spec,
+            settings,
+            on_candidate=progress.show,
+            should_stop=stop.is_set,
+            checkpoint=checkpoint,
+            resume=args.resume,
         )
     if args.output:
         save_dh(result.table, args.output)
+    confirmed = _certify(args, task, spec, result) if args.certificate else True
+    if args.report:
+        from ft_manip_ros.core.design.report import write_report
+
+        write_report(args.report, design_problem(task, spec, settings), result, progress.penalties)
     print(json.dumps(to_json(task, spec, settings, result)) if args.json else describe(result))
-    return 0 if result.proved else 1
+    return 0 if result.proved and confirmed else 1
+
+
+def _check_target(option: str, path: str | None, force: bool) -> None:
+    if not path:
+        return
+    if os.path.exists(path) and not force:
+        raise InputError(option, f'{path} exists; --force overwrites it')
+    folder = os.path.dirname(path) or '.'
+    if not os.path.isdir(folder):
+        raise InputError(option, f'the folder {folder} does not exist')
+
+
+def _certify(args: argparse.Namespace, task: Task, spec: DesignSpec, result: DesignResult) -> bool:
+    """Write the verified proofs of a proved design; False where the verifier disagrees."""
+    if not result.proved:
+        print('no certificate: the design is not proved', file=sys.stderr)
+        return True
+    documents = certify_design(result.table.chain(), task, spec.order)
+    outcomes = check_certificates(documents)
+    for confirmed, text in outcomes:
+        if not confirmed:
+            print(f'the verifier rejects a proof: {text}', file=sys.stderr)
+    if not all(confirmed for confirmed, _ in outcomes):
+        return False
+    for i, document in enumerate(documents):
+        path = args.certificate if i == 0 else f'{args.certificate}.{i + 1}'
+        save_certificate(document, path)
+    return True
 
 
 def specification(args: argparse.Namespace, task: Task) -> DesignSpec:
@@ -112,55 +171,6 @@ def specification(args: argparse.Namespace, task: Task) -> DesignSpec:
     dof = spec.dof if args.dof is None else args.dof
     order = spec.order if args.order is None else args.order
     return replace(spec, dof=dof, order=order)
-
-
-def to_json(
-    task: Task, spec: DesignSpec, settings: DesignSettings, result: DesignResult
-) -> dict[str, Any]:
-    """Return the result as the command prints it with --json; lengths in m, angles in rad."""
-    return {
-        'task': task.name,
-        'dof': spec.dof,
-        'order': spec.order,
-        'method': settings.method,
-        'seed': settings.seed,
-        'proved': result.proved,
-        'reason': result.reason,
-        'penalty': result.penalty,
-        'goal_penalties': list(result.goal_penalties),
-        'd': result.table.d.tolist(),
-        'a': result.table.a.tolist(),
-        'alpha': result.table.alpha.tolist(),
-        'iterations': result.iterations,
-        'evaluations': result.evaluations,
-        'elapsed_s': result.elapsed,
-        'verdicts': []
-        if result.proof is None
-        else [verdict.to_json() for verdict in result.proof.verdicts],
-    }
-
-
-def describe(result: DesignResult) -> str:
-    """Return the result as a person reads it."""
-    table = result.table
-    head = 'PROVED' if result.proved else 'NOT PROVED'
-    lines = [
-        f'{head}: {result.reason}',
-        f'{result.iterations} tables, {result.evaluations} penalty evaluations, '
-        f'{result.elapsed:.2f} s; penalty {result.penalty:.3g}',
-        'joint        d (m)      a (m)  alpha (deg)',
-    ]
-    alpha = np.rad2deg(table.alpha)
-    lines += [
-        f'{table.joints[i].name:<8} {table.d[i]:9.4f}  {table.a[i]:9.4f}  {alpha[i]:11.3f}'
-        for i in range(table.n)
-    ]
-    if result.proof is not None:
-        lines += [
-            f'goal {v.point}: {v.verdict.value}, ball of {v.margin:.3g} m'
-            for v in result.proof.verdicts
-        ]
-    return '\n'.join(lines)
 
 
 def _value(option: str, name: str, text: str) -> float:
@@ -186,31 +196,3 @@ def _ctrl_c() -> Iterator[threading.Event]:
         yield stop
     finally:
         signal.signal(signal.SIGINT, before)
-
-
-class _Progress:
-    """A live line on standard error: tables tried, penalties, temperature, time left."""
-
-    def __init__(self, settings: DesignSettings) -> None:
-        self._bar = tqdm(
-            desc=f'{settings.method} seed {settings.seed}',
-            unit=' tables',
-            disable=None,
-            mininterval=0.2,
-            bar_format='{desc}: {n_fmt} tables, {elapsed}, {rate_fmt}{postfix}',
-        )
-
-    def __enter__(self) -> _Progress:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._bar.close()
-
-    def show(self, candidate: Candidate, best: Candidate) -> None:
-        """Show the latest accepted candidate."""
-        self._bar.update(max(candidate.iteration - self._bar.n, 0))
-        self._bar.set_postfix_str(
-            f'penalty {candidate.penalty:.3g}, best {best.penalty:.3g}, '
-            f'T {candidate.temperature:.3g}, accepted {candidate.acceptance_rate:.0%}',
-            refresh=False,
-        )

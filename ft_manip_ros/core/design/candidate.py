@@ -58,6 +58,8 @@ class Segment:
         chains that start each unit afresh.
     tried, evaluations
         Tables tried, and penalty evaluations spent.
+    complete
+        False where time or a request to stop cut it short.
     """
 
     candidates: tuple[Candidate, ...]
@@ -67,6 +69,7 @@ class Segment:
     state: Mapping[str, Any] | None
     tried: int
     evaluations: int
+    complete: bool = True
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -34,10 +35,17 @@ def run_segment(
     """
     end = time.monotonic() + seconds
 
+    stopped = False
+
     def stop() -> bool:
-        return should_stop() or time.monotonic() >= end
+        nonlocal stopped
+        stopped = stopped or should_stop() or time.monotonic() >= end
+        return stopped
 
     rng = np.random.default_rng([problem.settings.seed, slot, index])
     if problem.settings.method == 'worst_cases':
-        return descent_segment(problem, rng, index * problem.settings.slots + slot, stop)
-    return annealing_segment(problem, rng, state, stop)
+        attempt = index * problem.settings.slots + slot
+        segment = descent_segment(problem, rng, attempt, stop)
+    else:
+        segment = annealing_segment(problem, rng, state, stop)
+    return replace(segment, complete=not stopped or segment.winner is not None)

@@ -11,6 +11,7 @@ from ft_manip_ros.core.design.inner import INNER_METHODS
 from ft_manip_ros.core.errors import InputError
 
 METHODS = ('worst_cases', 'annealing', 'paredis_1994')
+EXECUTORS = ('threads', 'processes')
 MIDDLE_METHODS = ('march', 'p_star', 'grid')
 
 
@@ -35,7 +36,11 @@ class DesignSettings:
     slots
         Chains that advance side by side; part of what a seed means, unlike ``workers``.
     workers
-        Segments worked on at once.
+        Segments worked on at once; on a cluster, segments handed out at once.
+    executor
+        ``threads`` or ``processes`` on this machine.
+    scheduler
+        Address of a Dask scheduler; empty for this machine.
     angles
         Grid of frozen angles per frozen joint; 0 for a choice by order.
     restarts
@@ -60,6 +65,8 @@ class DesignSettings:
     max_segments: int = 0
     slots: int = 4
     workers: int = 1
+    executor: str = 'threads'
+    scheduler: str = ''
     angles: int = 0
     restarts: int = 0
     margin: float = 0.04
@@ -83,6 +90,7 @@ class DesignSettings:
 
     def __post_init__(self) -> None:
         _one_of('method', self.method, METHODS)
+        _one_of('executor', self.executor, EXECUTORS)
         if self.inner:
             _one_of('inner', self.inner, INNER_METHODS)
         if self.middle:
