@@ -86,7 +86,7 @@ pip_install() {
     local log=$logs/pip.log
     rm -f "$log"
     PYTHONPATH='' "$venv/bin/python" -m pip --disable-pip-version-check --no-input install \
-        --progress-bar off --log "$log" "$@" >"$logs/pip.out" 2>&1 && return
+        --no-compile --progress-bar off --log "$log" "$@" >"$logs/pip.out" 2>&1 && return
     if grep -qiE 'name resolution|failed to establish|connection (refused|error|broken|reset)|timed out|ProxyError|SSLError|unreachable|Max retries' \
         "$log"; then
         die "cannot reach the Python package index: check the network or proxy" \
