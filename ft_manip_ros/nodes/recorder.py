@@ -2,85 +2,40 @@
 
 from __future__ import annotations
 
-import os
-import platform
 import sys
 import time
 from collections.abc import Sequence
-from importlib import metadata
 from pathlib import Path
 
-import rclpy
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from rclpy.parameter import Parameter
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rclpy.serialization import deserialize_message
+from std_srvs.srv import Trigger
 
+from ft_manip_interfaces.msg import JointFault
 from ft_manip_ros.bags.definitions import message_definition
 from ft_manip_ros.bags.qos import QosProfile
-from ft_manip_ros.bags.recording import Recording, RecordingStatus
+from ft_manip_ros.bags.recording import Recorded, Recording
 from ft_manip_ros.bags.rosbag_metadata import FILE_NAME
+from ft_manip_ros.bags.snapshot import SnapshotRecording
 from ft_manip_ros.bags.writer import BagWriter
 from ft_manip_ros.bags.writer_settings import WriterSettings
+from ft_manip_ros.core.errors import InputError
 from ft_manip_ros.nodes import topics
 from ft_manip_ros.nodes.managed_node import ManagedNode
 from ft_manip_ros.nodes.parameter_capture import ParameterCapture
-from ft_manip_ros.nodes.parameters import ParameterSpec
 from ft_manip_ros.nodes.process import run
+from ft_manip_ros.nodes.recorder_parameters import PARAMETERS, SNAPSHOT
+from ft_manip_ros.nodes.recorder_status import diagnostic, losses, provenance
 from ft_manip_ros.nodes.topic_capture import TopicCapture
+
+SAVE_SNAPSHOT = 'recorder/save_snapshot'  # std_srvs/srv/Trigger
 
 _MIB = 1 << 20
 _POLL = 0.02  # s, between takes
 _DISCOVERY = 0.1  # s, between looks at the graph
 _DIAGNOSTICS = 1.0  # s
-
-TOPICS = (
-    topics.JOINT_STATES,
-    topics.JOINT_TRAJECTORY,
-    topics.TASK,
-    topics.FAULT_STATE,
-    topics.FAULT_EVENTS,
-    topics.RECOVERY_PLAN,
-    'replanner/task_plan',
-    topics.DESIGN_CANDIDATES,
-    topics.DESIGN_BEST,
-    topics.DESIGN_FINAL,
-    topics.ROBOT_DESCRIPTION,
-    topics.DIAGNOSTICS,
-    '/parameter_events',
-    '/rosout',
-)
-SERVICES = (topics.QUERY_FTWS, topics.FREEZE_JOINT, topics.CLEAR_FAULT, topics.INJECT_FAULT)
-NODES = ('designer', 'workspace', 'fault_monitor', 'replanner', 'arm_sim')
-
-PARAMETERS = (
-    ParameterSpec(
-        'output', '', 'Folder of the bag, not existing yet; empty: out/recording_<time>.'
-    ),
-    ParameterSpec('topics', list(TOPICS), 'Topics to record; names may be relative.'),
-    ParameterSpec('services', list(SERVICES), 'Services whose requests and responses to record.'),
-    ParameterSpec('all_topics', False, 'Record every topic that is not hidden.'),
-    ParameterSpec(
-        'parameter_nodes', list(NODES), 'Nodes whose parameters and arm files go into the bag.'
-    ),
-    ParameterSpec(
-        'compression', 'zstd', 'Compression of chunks.', choices=('zstd', 'lz4', 'none')
-    ),
-    ParameterSpec('chunk_size', 1024, 'Largest chunk.', 'KiB', 1, 65536),
-    ParameterSpec(
-        'flush_interval', 1.0, 'Longest time that a message waits in memory.', 's', 0.05, 60.0
-    ),
-    ParameterSpec('sync', False, 'Also wait for the disk at each flush, against loss of power.'),
-    ParameterSpec('split_size', 0, 'New file beyond this size; 0: never.', 'MiB', 0, 2**20),
-    ParameterSpec(
-        'split_duration', 0.0, 'New file beyond this time span; 0: never.', 's', 0.0, 1e6
-    ),
-    ParameterSpec(
-        'queue_size', 64, 'Memory for messages that wait for the disk.', 'MiB', 1, 2**16
-    ),
-    ParameterSpec('note', '', "Text kept in the bag's provenance, e.g. what the run is for."),
-    ParameterSpec(
-        'seed', Parameter.Type.INTEGER, "Seed of the run, kept in the bag's provenance."
-    ),
-)
+_FAULT_TYPE = 'ft_manip_interfaces/msg/JointFault'
+_TRIGGERS = (JointFault.LOCKED, JointFault.RUNAWAY)
 
 
 class Recorder(ManagedNode):
@@ -88,7 +43,7 @@ class Recorder(ManagedNode):
 
     def __init__(self) -> None:
         super().__init__('recorder', PARAMETERS)
-        self._recording: Recording | None = None
+        self._recording: Recording | SnapshotRecording | None = None
 
     def configure(self) -> None:
         """Check the settings and where the bag is to go; nothing is written yet."""
@@ -114,6 +69,7 @@ class Recorder(ManagedNode):
             DiagnosticArray, topics.DIAGNOSTICS, topics.COMMAND_QOS
         )
         self.create_timer(_DIAGNOSTICS, self._publish_diagnostics)
+        self.serve(Trigger, SAVE_SNAPSHOT, self._on_save)
         self.every(_POLL, self._on_poll)
         self.every(_DISCOVERY, self._on_discovery)
 
@@ -121,10 +77,12 @@ class Recorder(ManagedNode):
         """Open the bag and begin."""
         folder = Path(self.param('output') or time.strftime('out/recording_%Y%m%d_%H%M%S'))
         self._report_unfinished(folder.parent)
-        writer = BagWriter(folder, self._settings)
-        writer.add_provenance('ft_manip_ros', self._provenance())
         self._folder = folder
-        self._recording = Recording(writer, self.param('queue_size') * _MIB)
+        self._recording = self._begin(folder)
+        seed = self.param('seed')
+        self._recording.add_provenance(
+            'ft_manip_ros', provenance(self.param('note'), None if seed == [] else seed)
+        )
         self._capture = TopicCapture(self, self._is_wanted, self._announce, self.complain)
         self._parameters = ParameterCapture(
             self,
@@ -145,10 +103,27 @@ class Recorder(ManagedNode):
         self._parameters.close()
         status = recording.close()
         text = f'{self._folder}: {status.written} messages'
-        if losses := _losses(status, self._capture.lost):
-            self.get_logger().error(f'{text}, {losses}')
+        if isinstance(recording, SnapshotRecording):
+            # What no fault was near is left out on purpose.
+            status.received = status.written + sum(status.dropped.values())
+            text = f'{self._folder}: {recording.count} snapshots, {status.written} messages'
+        if missing := losses(status, self._capture.lost):
+            self.get_logger().error(f'{text}, {missing}')
         else:
             self.get_logger().info(f'{text}, none lost')
+
+    def _begin(self, folder: Path) -> Recording | SnapshotRecording:
+        capacity = self.param('queue_size') * _MIB
+        if self.param('mode') != SNAPSHOT:
+            return Recording(BagWriter(folder, self._settings), capacity)
+        return SnapshotRecording(
+            folder,
+            self._settings,
+            before=self.param('snapshot_before'),
+            after=self.param('snapshot_after'),
+            capacity=capacity,
+            announce=lambda bag: self.get_logger().info(f'snapshot: {bag}'),
+        )
 
     def _is_wanted(self, topic: str) -> bool:
         if topic in self._wanted:
@@ -168,8 +143,29 @@ class Recorder(ManagedNode):
             getattr(self._recording, method)(*args)
 
     def _on_poll(self) -> None:
-        if self._recording is not None:
-            self._recording.put(self._capture.take())
+        if self._recording is None:
+            return
+        messages = self._capture.take()
+        self._recording.put(messages)
+        if isinstance(self._recording, SnapshotRecording):
+            for message in messages:
+                if message.type_name == _FAULT_TYPE and _is_trigger(message):
+                    self._trigger(message.log_time)
+
+    def _on_save(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        if not isinstance(self._recording, SnapshotRecording):
+            raise InputError('mode', "is not 'snapshot': everything is being recorded")
+        self._trigger(self.get_clock().now().nanoseconds)
+        response.success = True
+        response.message = f'the last {self._recording.span:.1f} s are being written'
+        return response
+
+    def _trigger(self, stamp: int) -> None:
+        assert isinstance(self._recording, SnapshotRecording)
+        try:
+            self._recording.trigger(stamp)
+        except (InputError, OSError) as error:
+            self.complain('snapshot', f'the snapshot cannot be written: {error}')
 
     def _on_discovery(self) -> None:
         if self._recording is not None:
@@ -186,73 +182,34 @@ class Recorder(ManagedNode):
                     f'{folder} was not closed: ftmanip bag recover {folder} repairs it'
                 )
 
-    def _provenance(self) -> dict[str, str]:
-        values = {
-            'python': platform.python_version(),
-            'machine': f'{platform.system()} {platform.machine()}',
-            'middleware': rclpy.get_rmw_implementation_identifier(),
-            'ros_distro': os.environ.get('ROS_DISTRO', ''),
-            'domain': os.environ.get('ROS_DOMAIN_ID', '0'),
-            'started': time.strftime('%Y-%m-%dT%H:%M:%SZ', time.gmtime()),
-            'note': self.param('note'),
-        }
-        seed = self.param('seed')
-        if seed != []:
-            values['seed'] = str(seed)
-        for package in ('ft_manip_ros', 'numpy', 'numba', 'pin', 'mcap'):
-            try:
-                values[f'version.{package}'] = metadata.version(package)
-            except metadata.PackageNotFoundError:
-                continue
-        return {key: value for key, value in values.items() if value}
-
     def _publish_diagnostics(self) -> None:
-        status = DiagnosticStatus(name=f'{self.get_name()}: bag', hardware_id=self.get_name())
         if self._recording is None:
-            status.level, status.message = DiagnosticStatus.OK, 'not recording'
+            name = self.get_name()
+            status = DiagnosticStatus(
+                name=f'{name}: bag',
+                hardware_id=name,
+                level=DiagnosticStatus.OK,
+                message='not recording',
+            )
         else:
-            _fill(status, self._recording.status(), self._capture, self._folder)
+            capture = self._capture
+            status = diagnostic(
+                self.get_name(),
+                self._recording.status(),
+                capture.lost,
+                len(capture.topics),
+                self._folder,
+            )
         message = DiagnosticArray(status=[status])
         message.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(message)
 
 
-def _losses(status: RecordingStatus, lost: int) -> str:
-    parts = []
-    if status.error:
-        parts.append(f'the disk refuses: {status.error}')
-    unwritten = status.received - sum(status.dropped.values()) - status.written
-    for count, what in (
-        (sum(status.dropped.values()), 'dropped for lack of memory'),
-        (lost, 'lost by the middleware'),
-        (unwritten, 'not written'),
-    ):
-        if count > 0:
-            parts.append(f'{count} {what}')
-    return ', '.join(parts)
-
-
-def _fill(
-    message: DiagnosticStatus, status: RecordingStatus, capture: TopicCapture, folder: Path
-) -> None:
-    dropped = sum(status.dropped.values())
-    message.level, message.message = DiagnosticStatus.OK, f'recording to {folder}'
-    if dropped or capture.lost:
-        message.level = DiagnosticStatus.WARN
-        message.message = f'{dropped} messages dropped, {capture.lost} lost by the middleware'
-    if status.error:
-        message.level, message.message = DiagnosticStatus.ERROR, status.error
-    values = {
-        'bag': str(folder),
-        'received': status.received,
-        'written': status.written,
-        'dropped': dropped,
-        'lost by the middleware': capture.lost,
-        'queued bytes': status.queued_bytes,
-        'topics': len(capture.topics),
-        **{f'dropped on {topic}': count for topic, count in status.dropped.items()},
-    }
-    message.values = [KeyValue(key=key, value=str(value)) for key, value in values.items()]
+def _is_trigger(message: Recorded) -> bool:
+    try:
+        return deserialize_message(message.data, JointFault).state in _TRIGGERS
+    except Exception:  # noqa: BLE001 - rclpy names no error for bytes that do not fit
+        return False
 
 
 def main(args: Sequence[str] | None = None) -> int:

@@ -16,8 +16,9 @@ from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Int32, String
+from std_srvs.srv import Trigger
 
-from ft_manip_interfaces.msg import FaultState, Task, TaskGoal
+from ft_manip_interfaces.msg import FaultState, JointFault, Task, TaskGoal
 from ft_manip_interfaces.srv import InjectFault
 from ft_manip_ros.bags.reader import Bag, open_bag
 from ft_manip_ros.nodes import topics
@@ -213,3 +214,36 @@ def test_a_full_disk_is_an_error_in_diagnostics(
     for message in bag.messages():
         bag.decode(message)
     recorder.stop()
+
+
+def test_snapshot_mode_keeps_only_what_surrounds_a_fault(
+    start_node: Callable[..., Any], probe: Any, tmp_path: Path
+) -> None:
+    recorder = start(
+        start_node, tmp_path / 'out', mode='snapshot', snapshot_before=0.5, snapshot_after=0.3
+    )
+    states = probe.publisher(JointState, topics.JOINT_STATES, topics.SENSOR_QOS)
+    faults = probe.publisher(JointFault, topics.FAULT_EVENTS, topics.EVENT_QOS)
+
+    def publish(first: int, count: int) -> None:
+        for i in range(first, first + count):
+            states.publish(joint_state(i))
+            time.sleep(0.01)
+
+    publish(0, 200)
+    faults.publish(JointFault(name='joint_1', state=JointFault.SUSPECT))
+    publish(200, 100)
+    faults.publish(JointFault(name='joint_1', state=JointFault.LOCKED))
+    publish(300, 100)
+    recorder.wait_for('snapshot: ')
+    assert probe.call(Trigger, 'recorder/save_snapshot', Trigger.Request()).success
+    recorder.stop()
+    probe.node.destroy_publisher(states)
+    probe.node.destroy_publisher(faults)
+    first, second = (open_bag(path) for path in sorted((tmp_path / 'out').iterdir()))
+    numbers = [first.decode(m).header.stamp.sec for m in first.messages(['/joint_states'])]
+    assert numbers == list(range(numbers[0], numbers[-1] + 1))
+    # Under load a message may take its time, but the seconds before and after are not kept.
+    assert 200 < numbers[0] < 299 < numbers[-1] < 399
+    assert first.topics['/fault_events'].count == 1
+    assert second.message_count > 0
