@@ -169,7 +169,9 @@ def main(args: Sequence[str] | None = None) -> int:
     except (InputError, OSError) as error:
         print(f'demo: {error}', file=sys.stderr)
         return 2
-    signal.signal(signal.SIGTERM, _interrupt)
+    # SIGINT too: it is ignored in what a shell starts in the background.
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, _interrupt)
     with own_domain(options.domain) as domain:
         timeline.line('demo', f'ROS_DOMAIN_ID={domain}, seed {options.seed}, {options.output}')
         happened = False

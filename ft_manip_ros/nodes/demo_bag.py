@@ -67,11 +67,10 @@ def replay(bag: Path, timeline: Timeline) -> None:
     """
     command = [sys.executable, '-m', 'ft_manip_ros.cli.main', 'replay', str(bag), '--check']
     done = subprocess.run(command, capture_output=True, text=True, timeout=120.0, check=False)
-    lines = (done.stdout + done.stderr).strip().splitlines()
+    lines = done.stdout.strip().splitlines()
     if done.returncode != 0:
-        raise StoryError(
-            f'the replay does not reproduce the run (exit code {done.returncode}): '
-            + '; '.join(lines[-3:])
-        )
+        first = next((i for i, line in enumerate(lines) if line.startswith('Differences')), 0)
+        told = '\n'.join([*lines[first : first + 8], *done.stderr.strip().splitlines()[-3:]])
+        raise StoryError(f'the replay does not reproduce the run:\n{told}')
     summary = next((line for line in lines if 'differences' in line), 'reproduced')
     timeline.line('replay', f'the same cores, fed from the bag: {summary}', good=True)
