@@ -11,6 +11,7 @@ import numpy as np
 
 from ft_manip_ros.core.arm_file import load_arm
 from ft_manip_ros.core.errors import InputError
+from ft_manip_ros.core.ftws.certificate import certify, save_certificate
 from ft_manip_ros.core.ftws.point_file import read_points
 from ft_manip_ros.core.ftws.query import query
 from ft_manip_ros.core.ftws.settings import FtwsSettings
@@ -42,6 +43,8 @@ def add_parser(subparsers: Any) -> None:
     parser.add_argument('--tolerance', type=float, default=1e-6, help='reach tolerance (m)')
     parser.add_argument('--seed', type=int, default=0, help='of the posture searches')
     parser.add_argument('--threads', type=int, default=os.cpu_count() or 1)
+    parser.add_argument('--margin', action='store_true', help='also find the proved ball')
+    parser.add_argument('--certificate', metavar='FILE', help='keep the proofs (JSON)')
     parser.add_argument('--json', action='store_true', help='one JSON object a line')
 
 
@@ -57,7 +60,13 @@ def run(args: argparse.Namespace) -> int:
     if len(width) > 1:
         raise InputError('--point', 'mixes positions and poses; give 3 numbers each, or 7 each')
     rows = np.array(points)
-    settings = FtwsSettings(tolerance=args.tolerance, seed=args.seed)
+    settings = FtwsSettings(tolerance=args.tolerance, seed=args.seed, margin=args.margin)
+    if args.certificate:
+        results, document = certify(arm, rows, order=args.order, mode=args.mode, settings=settings)
+        save_certificate(document, args.certificate)
+        for result in results:
+            print(json.dumps(result.to_json()) if args.json else describe(result), flush=True)
+        return 0
     for start in range(0, len(rows), _BATCH):
         for result in query(
             arm, rows[start : start + _BATCH], order=args.order, mode=args.mode,

@@ -7,10 +7,10 @@ from numba import njit
 from numpy.typing import NDArray
 
 from ft_manip_ros.core.chain import Array, ChainArrays
-from ft_manip_ros.core.ftws.certify import make_scratch
 from ft_manip_ros.core.ftws.judge import MEMBER, NON_MEMBER, Effort, Work, cover
 from ft_manip_ros.core.ftws.reach import farthest_miss
 from ft_manip_ros.core.ftws.task_map import TaskArrays
+from ft_manip_ros.core.ftws.taylor import make_scratch
 
 # Intervals kept per joint; more than this are merged into "not proved".
 INTERVALS = 64
@@ -48,7 +48,7 @@ def judge_goals(
     verdicts: NDArray[np.int64],
     combo_of: NDArray[np.int64],
     witness: Array,
-    numbers: Array,
+    residuals: Array,
     covered: Array,
     covered_count: NDArray[np.int64],
     pieces: Array,
@@ -70,8 +70,8 @@ def judge_goals(
     verdicts, combo_of : shape (N,), out
         Verdict and the combination that it hangs on (-1: none).
     witness : shape (N, k), out
-    numbers : shape (N, 2), out
-        Proved ball (m) of a member; proved distance or worst residual (m).
+    residuals : shape (N,), out
+        Proved distance or worst residual (m).
     covered : shape (N, C, R, 2), covered_count : shape (N, C), out
         Proved intervals of frozen positions (order 1; R may be 0).
     pieces : shape (P, 1 + k + n), count : shape (2,), out
@@ -82,19 +82,18 @@ def judge_goals(
     m = task.position_rows.shape[0] + task.orientation_rows.shape[0]
     work = make_work(n, m, k)
     angles = np.zeros(k)
-    pair = np.zeros(2)
+    worst = np.zeros(1)
     for g in range(goals.shape[0]):
         verdicts[g] = MEMBER
         combo_of[g] = -1
-        numbers[g, 0] = 1e300 if effort.margin else -1.0
-        numbers[g, 1] = 0.0
+        residuals[g] = 0.0
         count[0] = 0
         count[1] = 0
         miss, row = farthest_miss(table, goals[g], k)
         if row >= 0 and miss > effort.tolerance + effort.radius:
             verdicts[g] = NON_MEMBER
             combo_of[g] = int(table[row, 0])
-            numbers[g, 1] = miss
+            residuals[g] = miss
             for j in range(k):
                 witness[g, j] = table[row, 1 + j]
             if not effort.intervals or k > 1:
@@ -102,20 +101,18 @@ def judge_goals(
         for c in range(combos.shape[0]):
             # The stream depends on the question alone, not on what was asked before.
             work.state[0] = np.uint64(effort.seed) * np.uint64(1000003) + np.uint64(c)
-            pair[0] = numbers[g, 0]
-            pair[1] = 0.0
+            worst[0] = 0.0
             lost = verdicts[g] == NON_MEMBER
             outcome = cover(
                 chain, task, goals[g], combos[c], c, ranges, effort, lost, arms[combos[c, 0]],
-                covered[g, c], covered_count[g, c : c + 1], angles, pair, pieces, count, work,
+                covered[g, c], covered_count[g, c : c + 1], angles, worst, pieces, count, work,
             )  # fmt: skip
             if lost:
                 continue
-            numbers[g, 0] = pair[0]
-            if outcome < verdicts[g] or (outcome < MEMBER and pair[1] > numbers[g, 1]):
+            if outcome < verdicts[g] or (outcome < MEMBER and worst[0] > residuals[g]):
                 verdicts[g] = min(outcome, verdicts[g])
                 combo_of[g] = c
-                numbers[g, 1] = pair[1]
+                residuals[g] = worst[0]
                 for j in range(k):
                     witness[g, j] = angles[j]
             if outcome == NON_MEMBER and not effort.intervals:

@@ -7,18 +7,10 @@ from numba import njit
 from numpy.typing import NDArray
 
 from ft_manip_ros.core.chain import Array, ChainArrays
-from ft_manip_ros.core.ftws.certify import (
-    ABSOLUTE_ROUNDING,
-    Scratch,
-    build,
-    norm_of,
-    self_motion,
-    slack,
-    widest,
-    within_tolerance,
-)
+from ft_manip_ros.core.ftws.certify import ABSOLUTE_ROUNDING, widest, within_tolerance
 from ft_manip_ros.core.ftws.posture import correct
 from ft_manip_ros.core.ftws.task_map import TaskArrays
+from ft_manip_ros.core.ftws.taylor import Scratch, build, self_motion
 
 # Start residuals below this share of the length scale cost the certificate nothing.
 _START_RESIDUAL = 1e-6
@@ -26,8 +18,6 @@ _NEWTON_STEPS = 4
 _OVERLAP = 0.9
 # First half-width to try at a singular posture (rad or m).
 _SINGULAR_WIDTH = 0.02
-# Share of a piece's width that is used when a ball of goals is wanted as well.
-_WITH_MARGIN = 0.7
 
 
 @njit(cache=True, nogil=True)
@@ -114,7 +104,6 @@ def sweep(
     width: float,
     end: float,
     smallest: float,
-    margin: Array,
     pieces: Array,
     count: NDArray[np.int64],
     s: Scratch,
@@ -133,21 +122,13 @@ def sweep(
         Where to stop, on either side of the posture's own frozen position.
     smallest : float
         Give up below this half-width.
-    margin : shape (1,)
-        Lowered to the smallest radius of goals that the pieces prove; negative: not wanted.
     """
     first = combo[0]
     n = q.shape[0]
     sign = 1.0 if end >= q[first] else -1.0
     frontier = q[first] + sign * width
     h = width
-    rounding = ABSOLUTE_ROUNDING * (1.0 + task.length)
     _keep(chain, q, is_free, width, s)
-    if margin[0] > 0.0:
-        h = halves[0] = _WITH_MARGIN * width
-        frontier = q[first] + sign * h
-        start = norm_of(s.model.residual) + radius + rounding
-        margin[0] = min(margin[0], slack(chain, task, q, is_free, halves, start, s))
     while sign * (end - frontier) > 0.0:
         ahead = min(_OVERLAP * h, sign * (end - frontier))
         accepted = False
@@ -160,7 +141,18 @@ def sweep(
                     s.trial[i] += delta * (s.kept[1, i] + delta * s.kept[2, i]) + s.kept[3, i]
             s.trial[first] = target
             h = certify_at(
-                chain, task, goal, s.trial, is_free, combo, halves, radius, tolerance, h, smallest, s
+                chain,
+                task,
+                goal,
+                s.trial,
+                is_free,
+                combo,
+                halves,
+                radius,
+                tolerance,
+                h,
+                smallest,
+                s,
             )
             count[1] += 1
             # The overlap that the pieces' ends need against rounding of the angle itself.
@@ -175,12 +167,6 @@ def sweep(
         _keep(chain, s.trial, is_free, h, s)
         frontier = s.kept[0, first] + sign * h
         halves[0] = h
-        if margin[0] > 0.0:
-            # A narrower piece leaves slack for a ball of goals.
-            h = halves[0] = max(ahead * (1.0 + 1e-9) + 1e-12, _WITH_MARGIN * h)
-            frontier = s.kept[0, first] + sign * h
-            start = norm_of(s.model.residual) + radius + rounding
-            margin[0] = min(margin[0], slack(chain, task, s.trial, is_free, halves, start, s))
         if pieces.shape[0] > 0:
             record(pieces, count, combo_index, s.trial, combo, halves)
     return frontier

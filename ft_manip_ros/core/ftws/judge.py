@@ -10,11 +10,11 @@ from numba import njit
 from numpy.typing import NDArray
 
 from ft_manip_ros.core.chain import Array, ChainArrays
-from ft_manip_ros.core.ftws.certify import Scratch
 from ft_manip_ros.core.ftws.cover import certify_at, record, sweep
 from ft_manip_ros.core.ftws.posture import descend, uniform
 from ft_manip_ros.core.ftws.refute import refute
 from ft_manip_ros.core.ftws.task_map import TaskArrays
+from ft_manip_ros.core.ftws.taylor import Scratch
 
 MEMBER, UNDECIDED, NON_MEMBER = 1, 0, -1
 
@@ -31,7 +31,6 @@ class Effort(NamedTuple):
     boxes: int  # branch-and-bound boxes per refutation
     pieces: int  # certificate attempts per combination
     intervals: bool  # go on after a refutation, for the tolerated intervals
-    margin: bool  # work out the proved ball
     seed: int
 
 
@@ -71,7 +70,7 @@ def _find(
     best = math.inf
     certified = 0
     guess = 0.1
-    for attempt in range(restarts):
+    for _ in range(restarts):
         for i in range(n):
             if w.is_free[i]:
                 w.q[i] = chain.lower[i] + uniform(w.state) * (chain.upper[i] - chain.lower[i])
@@ -139,7 +138,7 @@ def cover(
     covered: Array,
     covered_count: NDArray[np.int64],
     witness: Array,
-    numbers: Array,
+    worst: Array,
     pieces: Array,
     count: NDArray[np.int64],
     w: Work,
@@ -160,9 +159,8 @@ def cover(
         Proved intervals of the first frozen joint (order 1).
     witness : shape (k,), out
         Frozen positions of the refutation, or of the worst residual.
-    numbers : shape (2,), in and out
-        Smallest proved ball of the pieces (negative: not wanted); the worst residual, or when
-        refuted the proved distance (m).
+    worst : shape (1,), in and out
+        The worst residual, or when refuted the proved distance (m).
     count : shape (2,)
         Pieces recorded, certificate attempts.
 
@@ -215,7 +213,7 @@ def cover(
                 if not known_lost:
                     for j in range(k):
                         witness[j] = w.q[combo[j]]
-                    numbers[1] = distance
+                    worst[0] = distance
                 verdict = NON_MEMBER
                 if not effort.intervals or k > 1:
                     return verdict
@@ -235,8 +233,8 @@ def cover(
                 )  # fmt: skip
         if h == 0.0:
             # Reachable, or nearly, but not certified over this box: look at smaller ones.
-            if best > numbers[1] and verdict == MEMBER:
-                numbers[1] = best
+            if best > worst[0] and verdict == MEMBER:
+                worst[0] = best
                 for j in range(k):
                     witness[j] = w.q[combo[j]]
             if width > 0.25 * (hi[0] - lo[0]) and width > effort.smallest_gap:
@@ -263,7 +261,8 @@ def cover(
                 record(pieces, count, combo_index, w.q, combo, w.halves)
             frontier = sweep(
                 chain, task, goal, w.q, w.is_free, combo, combo_index, w.halves, effort.radius,
-                effort.tolerance, h, hi[0] if side == 0 else lo[0], effort.smallest_step, numbers, pieces, count, s,
+                effort.tolerance, h, hi[0] if side == 0 else lo[0], effort.smallest_step,
+                pieces, count, s,
             )  # fmt: skip
             if side == 0:
                 right = frontier

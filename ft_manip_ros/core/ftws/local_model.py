@@ -198,9 +198,7 @@ def hessian(chain: ChainArrays, task: TaskArrays, model: LocalModel, out: Array)
 
 
 @njit(cache=True, nogil=True)
-def third_order_bound(
-    chain: ChainArrays, distance: Array, length: float, v: Array
-) -> float:
+def third_order_bound(chain: ChainArrays, distance: Array, length: float, v: Array) -> float:
     """Bound of the third derivative along any direction within ``|dq_i| <= v_i``, over that box.
 
     Parameters

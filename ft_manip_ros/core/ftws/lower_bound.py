@@ -14,64 +14,13 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from ft_manip_ros.core.chain import Array, ChainArrays
 from ft_manip_ros.core.ftws.certify import ABSOLUTE_ROUNDING
 from ft_manip_ros.core.ftws.local_model import LocalModel, evaluate, third_order_bound
+from ft_manip_ros.core.ftws.spin import circle_correction, crude_bound, turn_goal, unroll
 from ft_manip_ros.core.ftws.task_map import TaskArrays
-
-
-@njit(cache=True, nogil=True)
-def spin_joint(chain: ChainArrays, task: TaskArrays, is_free: NDArray[np.bool_]) -> int:
-    """First free joint if it is revolute and only the position counts, else -1."""
-    if task.orientation_rows.shape[0] > 0:
-        return -1
-    for i in range(is_free.shape[0]):
-        if is_free[i]:
-            return -1 if chain.prismatic[i] else i
-    return -1
-
-
-@njit(cache=True, nogil=True)
-def _turn_goal(goal: Array, spin: int, model: LocalModel, turned: Array) -> float:
-    """Goal turned about the spin joint's axis to the tool's side; returns the tool's radius."""
-    zx, zy, zz = model.axes[spin, 0], model.axes[spin, 1], model.axes[spin, 2]
-    ox, oy, oz = model.origins[spin, 0], model.origins[spin, 1], model.origins[spin, 2]
-    tx, ty, tz = model.tip[0] - ox, model.tip[1] - oy, model.tip[2] - oz
-    along = tx * zx + ty * zy + tz * zz
-    tx, ty, tz = tx - along * zx, ty - along * zy, tz - along * zz
-    radius = math.sqrt(tx * tx + ty * ty + tz * tz)
-    gx, gy, gz = goal[0] - ox, goal[1] - oy, goal[2] - oz
-    height = gx * zx + gy * zy + gz * zz
-    gx, gy, gz = gx - height * zx, gy - height * zy, gz - height * zz
-    goal_radius = math.sqrt(gx * gx + gy * gy + gz * gz)
-    if radius < 1e-12:
-        return 0.0
-    ratio = goal_radius / radius
-    turned[0] = ox + height * zx + ratio * tx
-    turned[1] = oy + height * zy + ratio * ty
-    turned[2] = oz + height * zz + ratio * tz
-    return radius
-
-
-@njit(cache=True, nogil=True)
-def _crude(
-    chain: ChainArrays, distance: Array, length: float, half: Array
-) -> float:
-    """How far the residual can move over a box, from the tool's distances to the axes alone."""
-    moved = 0.0
-    total = 0.0
-    for k in range(half.shape[0] - 1, -1, -1):
-        if half[k] > 0.0:
-            step = half[k] if chain.prismatic[k] else (distance[k] + moved) * half[k]
-            moved += step
-            total += step
-            if length > 0.0 and not chain.prismatic[k]:
-                total += math.hypot(step, length * half[k]) - step
-    return total
 
 
 @njit(cache=True, nogil=True)
@@ -89,7 +38,6 @@ def _along(
     scaled by the task's length.
     """
     n = half.shape[0]
-    mp = task.position_rows.shape[0]
     mo = task.orientation_rows.shape[0]
     ux, uy, uz = u[0], u[1], u[2]
     w, ex, ey, ez = model.error[0], model.error[1], model.error[2], model.error[3]
@@ -175,7 +123,7 @@ def lower_bound(
     for a in range(3):
         turned[a] = goal[a]
     if spin >= 0:
-        radius = _turn_goal(goal, spin, model, turned)
+        radius = turn_goal(goal, spin, model, turned)
         if radius == 0.0:
             for i in range(n):
                 share[i] = half[i] * model.distance[i]
@@ -199,7 +147,7 @@ def lower_bound(
     norm = math.sqrt(total)
     length = task.length if mo > 0 else 0.0
     third = third_order_bound(chain, model.distance, length, half) / 6.0
-    crude = _crude(chain, model.distance, length, half)
+    crude = crude_bound(chain, model.distance, length, half)
     best = norm - crude
     for a in range(6):
         turned[a] = u[a]  # now the residual itself
@@ -217,7 +165,7 @@ def lower_bound(
             for a in range(6):
                 u[a] = aim[a]
             if spin >= 0:
-                _unroll(aim, spin, model, radius, u)
+                unroll(aim, spin, model, radius, u)
         value = 0.0
         for a in range(6):
             value += u[a] * turned[a]
@@ -225,7 +173,7 @@ def lower_bound(
             u[3 + a] *= length
         value -= _along(chain, task, u, half, model, share) + third
         if spin >= 0:
-            value -= _circle_correction(chain, spin, half, model, u, radius, crude)
+            value -= circle_correction(chain, spin, half, model, u, radius, crude)
         best = max(best, value)
     total = 0.0
     for k in range(n):
@@ -234,18 +182,6 @@ def lower_bound(
         weight = 1.0 if chain.prismatic[k] else model.distance[k]
         share[k] += third * weight * half[k] / total if total > 0.0 else half[k]
     return best * (1.0 - 1e-9) - ABSOLUTE_ROUNDING * (1.0 + task.length), norm
-
-
-@njit(cache=True, nogil=True)
-def _unroll(aim: Array, spin: int, model: LocalModel, radius: float, u: Array) -> None:
-    """World direction of ``aim``'s radial and axial parts about the spin axis."""
-    along = 0.0
-    for a in range(3):
-        along += (model.tip[a] - model.origins[spin, a]) * model.axes[spin, a]
-    for a in range(3):
-        z = model.axes[spin, a]
-        radial = (model.tip[a] - model.origins[spin, a] - along * z) / radius
-        u[a] = aim[0] * radial + aim[1] * z
 
 
 @njit(cache=True, nogil=True)
@@ -258,7 +194,7 @@ def aim_at(
     for a in range(6):
         aim[a] = 0.0
     if spin >= 0:
-        radius = _turn_goal(goal, spin, model, turned)
+        radius = turn_goal(goal, spin, model, turned)
         if radius == 0.0:
             return
         along = 0.0
@@ -281,96 +217,3 @@ def aim_at(
         total += aim[a] * aim[a]
     for a in range(6):
         aim[a] = aim[a] / math.sqrt(total) if total > 0.0 else 0.0
-
-
-@njit(cache=True, nogil=True)
-def _spread(
-    chain: ChainArrays, spin: int, half: Array, model: LocalModel, radius: float, crude: float
-) -> tuple[float, float]:
-    """How near to the spin axis the tool comes over a box, and how far it goes round (m)."""
-    zx, zy, zz = model.axes[spin, 0], model.axes[spin, 1], model.axes[spin, 2]
-    tx = model.tip[0] - model.origins[spin, 0]
-    ty = model.tip[1] - model.origins[spin, 1]
-    tz = model.tip[2] - model.origins[spin, 2]
-    along = tx * zx + ty * zy + tz * zz
-    rx = (tx - along * zx) / radius
-    ry = (ty - along * zy) / radius
-    rz = (tz - along * zz) / radius
-    sx, sy, sz = zy * rz - zz * ry, zz * rx - zx * rz, zx * ry - zy * rx
-    radial = sideways = total = 0.0
-    for k in range(half.shape[0]):
-        if half[k] > 0.0:
-            lx, ly, lz = model.linear[k, 0], model.linear[k, 1], model.linear[k, 2]
-            radial += abs(rx * lx + ry * ly + rz * lz) * half[k]
-            sideways += abs(sx * lx + sy * ly + sz * lz) * half[k]
-            if not chain.prismatic[k]:
-                total += half[k]
-    remainder = crude * total  # bounds half the second derivative over the box
-    nearest = radius - min(radial + remainder, crude)
-    return nearest, min(sideways + remainder, crude)
-
-
-@njit(cache=True, nogil=True)
-def _circle_correction(
-    chain: ChainArrays,
-    spin: int,
-    half: Array,
-    model: LocalModel,
-    u: Array,
-    radius: float,
-    crude: float,
-) -> float:
-    """Give back what projecting the tool's radius onto its direction at the centre gains.
-
-    The distance to the goal circle depends on the tool's radius about the axis, which is convex
-    in the tool's position: the projection bounds it from below. Where the tool is nearer to the
-    axis than the goal an upper bound is needed: ``sqrt(a^2 + b^2) <= a + b^2 / (2 a)``.
-    """
-    along = outward = 0.0
-    for a in range(3):
-        along += (model.tip[a] - model.origins[spin, a]) * model.axes[spin, a]
-    for a in range(3):
-        across = model.tip[a] - model.origins[spin, a] - along * model.axes[spin, a]
-        outward += u[a] * across / radius
-    if outward >= 0.0:
-        return 0.0
-    nearest, sideways = _spread(chain, spin, half, model, radius, crude)
-    if nearest <= 0.0:
-        return math.inf
-    return -outward * sideways * sideways / (2.0 * nearest)
-
-
-@njit(cache=True, nogil=True)
-def beyond_limits(
-    chain: ChainArrays, goal: Array, spin: int, centre: Array, half: Array, model: LocalModel
-) -> bool:
-    """Whether nowhere in the box the spin joint can turn the tool to the goal's side.
-
-    Then the nearest that it gets is at one of its limits, since the distance to the goal has a
-    single minimum over a turn. Expects the model of `lower_bound` on the same box.
-    """
-    if chain.wraps[spin]:
-        return False
-    zx, zy, zz = model.axes[spin, 0], model.axes[spin, 1], model.axes[spin, 2]
-    ox, oy, oz = model.origins[spin, 0], model.origins[spin, 1], model.origins[spin, 2]
-    tx, ty, tz = model.tip[0] - ox, model.tip[1] - oy, model.tip[2] - oz
-    gx, gy, gz = goal[0] - ox, goal[1] - oy, goal[2] - oz
-    t_along = tx * zx + ty * zy + tz * zz
-    g_along = gx * zx + gy * zy + gz * zz
-    tx, ty, tz = tx - t_along * zx, ty - t_along * zy, tz - t_along * zz
-    gx, gy, gz = gx - g_along * zx, gy - g_along * zy, gz - g_along * zz
-    radius = math.sqrt(tx * tx + ty * ty + tz * tz)
-    if radius < 1e-12 or math.sqrt(gx * gx + gy * gy + gz * gz) < 1e-9:
-        return False
-    sine = zx * (ty * gz - tz * gy) + zy * (tz * gx - tx * gz) + zz * (tx * gy - ty * gx)
-    turn = centre[spin] + math.atan2(sine, tx * gx + ty * gy + tz * gz)
-    nearest, sideways = _spread(
-        chain, spin, half, model, radius, _crude(chain, model.distance, 0.0, half)
-    )
-    if nearest <= sideways:
-        return False
-    width = math.asin(sideways / nearest) + 1e-9
-    # The window turned so that it starts at or after the lower limit.
-    start = turn - width
-    start -= 2.0 * math.pi * math.floor((start - chain.lower[spin]) / (2.0 * math.pi))
-    return start > chain.upper[spin] and start + 2.0 * width < chain.lower[spin] + 2.0 * math.pi

@@ -1,4 +1,4 @@
-"""The question of the FTWS: is this goal reachable whichever joints fail, at whichever angles?"""
+"""Queries: is a goal reachable whichever joints fail, at whichever angles."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ import numpy as np
 
 from ft_manip_ros.core.chain import Array, SerialChain
 from ft_manip_ros.core.errors import InputError
-from ft_manip_ros.core.ftws.batch import INTERVALS, judge_goals
-from ft_manip_ros.core.ftws.judge import MEMBER, NON_MEMBER
+from ft_manip_ros.core.ftws.engine import run_engine
+from ft_manip_ros.core.ftws.judge import MEMBER, NON_MEMBER, Effort
 from ft_manip_ros.core.ftws.problem import Problem, goal_rows, prepare
 from ft_manip_ros.core.ftws.settings import FtwsSettings
 from ft_manip_ros.core.ftws.verdict import FtwsResult, Verdict
@@ -21,6 +21,9 @@ from ft_manip_ros.core.kinematics import fk
 _NO_PIECES = np.zeros((0, 0))
 # Intervals closer than this are one (rad or m).
 _TOUCHING = 1e-9
+# Balls of goals around a member: the largest tried, by the task's length, and how often halved.
+_LARGEST_BALL = 0.2
+_BALLS = 12
 
 
 def query(
@@ -107,31 +110,23 @@ def judge_one(
             surviving_fraction=dict.fromkeys(failing(problem), 0.0) if problem.order == 1 else {},
             elapsed_s=time.perf_counter() - started,
         )
-    combos = problem.combos
-    count_c, k = combos.shape
-    verdicts, combo_of = np.zeros(1, dtype=np.int64), np.zeros(1, dtype=np.int64)
-    witness, numbers = np.zeros((1, k)), np.zeros((1, 2))
-    rows = INTERVALS if k == 1 else 0
-    covered = np.zeros((1, count_c, rows, 2))
-    covered_count = np.zeros((1, count_c), dtype=np.int64)
-    count = np.zeros(2, dtype=np.int64)
-    judge_goals(
-        problem.arrays, problem.task, np.ascontiguousarray(goal)[None], combos, problem.ranges,
-        problem.arms, problem.table, settings.effort(problem.oriented, problem.task.length), verdicts,
-        combo_of, witness, numbers, covered, covered_count, _NO_PIECES if pieces is None else pieces, count,
-    )  # fmt: skip
-    code, at = int(verdicts[0]), int(combo_of[0])
-    margin, residual = float(numbers[0, 0]), float(numbers[0, 1])
+    combos, k = problem.combos, problem.order
+    effort = settings.effort(problem.oriented, problem.task.length)
+    judged = run_engine(problem, goal[None], effort, _NO_PIECES if pieces is None else pieces)
+    code, at = int(judged.verdicts[0]), int(judged.combo_of[0])
+    margin, residual = 0.0, float(judged.residuals[0])
     joints: tuple[str, ...] = ()
     angles: tuple[float, ...] = ()
     if at >= 0:
         joints = tuple(problem.chain.joint_names[j] for j in combos[at])
-        angles = tuple(witness[0].tolist())
+        angles = tuple(judged.witness[0].tolist())
     if code == MEMBER:
         verdict = Verdict.MEMBER
         reason = f'covered: a posture exists for every position of any {k} failed joint(s)'
         residual = 0.0
-        margin = max(margin, 0.0)
+        margin = settings.radius
+        if settings.margin:
+            margin = proved_ball(problem, goal, effort)
     elif code == NON_MEMBER:
         verdict = Verdict.NON_MEMBER
         reason = f'refuted: no posture comes within {residual:.3g} m with these joints frozen'
@@ -139,13 +134,14 @@ def judge_one(
     else:
         verdict = Verdict.UNDECIDED
         reason = 'neither covered nor refuted within the budget'
-        margin = 0.0
     tolerated: dict[str, list[tuple[float, float]]] = {}
     surviving: dict[str, float] = {}
     if k == 1 and (settings.intervals or code == MEMBER):
         for c, joint in enumerate(combos[:, 0]):
             name = problem.chain.joint_names[joint]
-            merged = merge_intervals(covered[0, c, : covered_count[0, c]])
+            merged = merge_intervals(judged.covered[0, c, : judged.covered_count[0, c]])
+            # Slivers at the ends of an interval say nothing that its end does not.
+            merged = [(a, b) for a, b in merged if b - a > settings.smallest_gap]
             width = float(problem.ranges[1, joint] - problem.ranges[0, joint])
             tolerated[name] = merged
             # The parts touch to rounding; a joint that cannot move survives or not as a whole.
@@ -155,6 +151,22 @@ def judge_one(
         (x, y, z), verdict, reason, joints, angles, residual, margin, tolerated, surviving,
         time.perf_counter() - started,
     )  # fmt: skip
+
+
+def proved_ball(problem: Problem, goal: Array, effort: Effort) -> float:
+    """Radius (m) of a ball around a member that is proved as a whole; 0 if none was found.
+
+    Balls are tried from large to small, each with one covering of its own.
+    """
+    radius = _LARGEST_BALL * problem.task.length
+    for _ in range(_BALLS):
+        modest = effort._replace(
+            radius=radius, restarts=4, smallest_gap=0.02, boxes=1, pieces=3000, intervals=False
+        )
+        if run_engine(problem, goal[None], modest).verdicts[0] == MEMBER:
+            return max(radius, effort.radius)
+        radius *= 0.5
+    return effort.radius
 
 
 def failing(problem: Problem) -> list[str]:

@@ -9,11 +9,12 @@ from numba import njit
 from numpy.typing import NDArray
 
 from ft_manip_ros.core.chain import Array, ChainArrays
-from ft_manip_ros.core.ftws.certify import Scratch
 from ft_manip_ros.core.ftws.local_model import evaluate
-from ft_manip_ros.core.ftws.lower_bound import aim_at, beyond_limits, lower_bound, spin_joint
+from ft_manip_ros.core.ftws.lower_bound import aim_at, lower_bound
 from ft_manip_ros.core.ftws.posture import descend
+from ft_manip_ros.core.ftws.spin import beyond_limits, spin_joint
 from ft_manip_ros.core.ftws.task_map import TaskArrays
+from ft_manip_ros.core.ftws.taylor import Scratch
 
 # Share of the smallest residual found that the boxes have to prove: the ball of lost goals.
 _PROVED_SHARE = 0.3
@@ -146,10 +147,10 @@ def refute(
         half[worst] *= 0.5
         if round_axis >= 0:
             half[spin] = _ANY
-        for side in (-1.0, 1.0):
+        for sign in (-1.0, 1.0):
             for i in range(n):
                 stack[0, top, i] = centre[i]
                 stack[1, top, i] = half[i]
-            stack[0, top, worst] += side * half[worst]
+            stack[0, top, worst] += sign * half[worst]
             top += 1
     return 1, proved, boxes

@@ -26,7 +26,7 @@ class FtwsSettings:
     intervals
         Work out the tolerated intervals also of non-members (order 1).
     margin
-        Work out the proved ball of members.
+        Work out the proved ball of members (several coverings more).
     restarts
         Random starts of a posture search.
     smallest_step, smallest_gap
@@ -48,7 +48,7 @@ class FtwsSettings:
     orientation_tolerance: float = 1e-6
     radius: float = 0.0
     intervals: bool = True
-    margin: bool = True
+    margin: bool = False
     restarts: int = 12
     smallest_step: float = 1e-5
     smallest_gap: float = 1e-4
@@ -95,6 +95,5 @@ class FtwsSettings:
             int(self.boxes),
             int(self.pieces),
             bool(self.intervals),
-            bool(self.margin),
             int(self.seed),
         )

@@ -1,0 +1,203 @@
+"""Independent check of FTWS certificates, in plain NumPy.
+
+Shares no code with the engine, and uses weaker but simpler mathematics: first-order families of
+postures with an absolute bound of the second derivative, and branch and bound by gradients.
+What the certificate gives are only starting points: boxes that are too wide for the simple
+bound are halved and their postures corrected here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from ft_manip_ros.core.ftws.verifier_arm import Arm, Array
+
+_DEPTH = 16
+_BALLS = 14
+_ROUNDING = 1e-11
+_BATCH = 4096
+_MOST_BOXES = 500_000
+
+
+class NotConfirmedError(Exception):
+    """A claim of the certificate that this verifier could not confirm; says which."""
+
+
+def check_goal(arm: Arm, goal: Mapping[str, Any], budget: int = 2_000_000) -> str:
+    """Check one goal of a certificate.
+
+    Returns
+    -------
+    str
+        What was confirmed.
+
+    Raises
+    ------
+    NotConfirmedError
+        If a claim is wrong or could not be confirmed.
+    """
+    verdict = goal['verdict']
+    if verdict == 'undecided':
+        return 'claims nothing'
+    target = arm.goal(goal['point'], goal.get('orientation'))
+    if verdict == 'non_member':
+        at = {arm.index(name): a for name, a in zip(goal['joints'], goal['angles'], strict=True)}
+        return _check_lost(arm, target, at, float(goal['residual']), budget)
+    if verdict != 'member':
+        raise NotConfirmedError(f'verdict {verdict!r} is not one of member, non_member, undecided')
+    proved = 0
+    for combo in arm.combos(int(goal['order'])):
+        named = [arm.names[j] for j in combo]
+        pieces = [piece for piece in goal['pieces'] if piece['joints'] == named]
+        low = np.array([arm.operating[0, j] for j in combo])
+        high = np.array([arm.operating[1, j] for j in combo])
+        boxes = []
+        for piece in pieces:
+            q, half = np.array(piece['posture'], float), np.array(piece['half'], float)
+            boxes.append((q[combo] - half, q[combo] + half))
+        names = ', '.join(named)
+        left = uncovered(low, high, boxes)
+        if left is not None:
+            raise NotConfirmedError(f'{names} at {left.round(6).tolist()} is covered by no piece')
+        failed = _first_unproved(
+            arm,
+            target,
+            combo,
+            np.array([piece['posture'] for piece in pieces], float),
+            np.array([piece['half'] for piece in pieces], float),
+        )
+        if failed is not None:
+            raise NotConfirmedError(f'{names} at {failed.round(6).tolist()} is not proved')
+        proved += len(pieces)
+    return f'{proved} pieces proved and covering every combination'
+
+
+def uncovered(low: Array, high: Array, boxes: list[tuple[Array, Array]]) -> Array | None:
+    """Return a point of the box [low, high] outside the union of ``boxes``, or None."""
+    stack = [(low, high, 0)]
+    while stack:
+        a, b, first = stack.pop()
+        for i in range(first, len(boxes)):
+            c, d = boxes[i]
+            if (c > b).any() or (d < a).any() or ((d <= a) & (a < b)).any():
+                continue
+            # Cut off what sticks out of box i on each side; the rest of [a, b] lies in it.
+            a, b = a.copy(), b.copy()
+            for j in range(len(a)):
+                if a[j] < c[j]:
+                    upper = b.copy()
+                    upper[j] = c[j]
+                    stack.append((a.copy(), upper, i + 1))
+                    a[j] = c[j]
+                if b[j] > d[j]:
+                    lower = a.copy()
+                    lower[j] = d[j]
+                    stack.append((lower, b.copy(), i + 1))
+                    b[j] = d[j]
+            break
+        else:
+            return 0.5 * (a + b)
+    return None
+
+
+def _first_unproved(
+    arm: Arm, target: Array, combo: list[int], q: Array, half: Array
+) -> Array | None:
+    """Prove postures within the limits over boxes of frozen positions, halving them as needed.
+
+    ``q`` (N, n) are postures at the boxes' centres, ``half`` (N, k) their half-widths. Returns
+    the frozen positions of a box that was not proved, or None.
+    """
+    free = [i for i in range(arm.n) if i not in combo]
+    for depth in range(_DEPTH + 1):
+        q = arm.correct(q, free, target)
+        residual = arm.residuals(q, target)
+        jacobian, distance, _, _ = arm.jacobians(q, target)
+        start = np.linalg.norm(residual, axis=1) + _ROUNDING
+        part = jacobian[:, :, free]
+        inverse = np.linalg.pinv(part, rcond=1e-7)
+        tangent = np.zeros((len(q), arm.n, len(combo)))
+        tangent[:, free] = -inverse @ jacobian[:, :, combo]
+        for column, joint in enumerate(combo):
+            tangent[:, joint, column] = 1.0
+        along = np.einsum('nik,nk->ni', np.abs(tangent), half)
+        missed = (np.linalg.norm(jacobian @ tangent, axis=1) * half).sum(axis=1)
+        gain = np.zeros((len(q), arm.n))
+        gain[:, free] = np.linalg.norm(inverse, axis=2)
+        defect = np.linalg.norm(part @ inverse - np.eye(part.shape[1]), axis=(1, 2))
+        slack = np.where(arm.wraps, np.inf, np.minimum(q - arm.lower, arm.upper - q))
+        slack[:, combo] = np.inf
+        proved = np.zeros(len(q), dtype=bool)
+        rho = np.zeros(len(q))
+        for ball in range(_BALLS):
+            v = along + gain * rho[:, None]
+            bend = arm.derivative_bounds(distance, v)[0]
+            error = (start + missed + defect * rho + 0.5 * bend) * (1.0 + 1e-9)
+            # Without a ball nothing is corrected, but the posture may be near enough as it is.
+            allowed = arm.tolerance if ball == 0 else rho
+            proved |= (error <= allowed) & (v <= slack).all(axis=1)
+            rho = np.maximum(2.0 * start, 1e-9) if ball == 0 else 2.5 * rho
+        q, half, tangent = q[~proved], half[~proved], tangent[~proved]
+        if not len(q):
+            return None
+        if depth == _DEPTH or len(q) > _MOST_BOXES:
+            break
+        rows = np.arange(len(q))
+        side = np.argmax(half, axis=1)
+        half = half.copy()
+        half[rows, side] *= 0.5
+        step = half[rows, side][:, None] * tangent[rows, :, side]
+        q, half = np.concatenate([q - step, q + step]), np.concatenate([half, half])
+    return q[0, combo]
+
+
+def _check_lost(
+    arm: Arm, target: Array, at: dict[int, float], distance: float, budget: int
+) -> str:
+    """Confirm by branch and bound that no posture with joints frozen ``at`` reaches the goal."""
+    for joint, angle in at.items():
+        if not arm.operating[0, joint] - 1e-9 <= angle <= arm.operating[1, joint] + 1e-9:
+            raise NotConfirmedError(f'{arm.names[joint]} cannot freeze at {angle}')
+    if arm.plane_distance(target) > arm.tolerance:
+        return 'the goal is off the plane of the arm'
+    free = [i for i in range(arm.n) if i not in at]
+    centres = 0.5 * (arm.lower + arm.upper)[None, :]
+    halves = 0.5 * (arm.upper - arm.lower)[None, :]
+    for joint, angle in at.items():
+        centres[:, joint], halves[:, joint] = angle, 0.0
+    # Prove a little less than was claimed, but more than the tolerance.
+    needed = arm.tolerance + 0.1 * max(distance - arm.tolerance, 0.0)
+    aim: Array | None = None
+    smallest = np.inf
+    spent = 0
+    while len(centres):
+        taken, centres = centres[-_BATCH:], centres[:-_BATCH]
+        widths, halves = halves[-_BATCH:], halves[:-_BATCH]
+        spent += len(taken)
+        if spent > budget:
+            raise NotConfirmedError(f'not refuted within {budget} boxes')
+        residuals = arm.residuals(taken, target)
+        norms = np.linalg.norm(residuals, axis=1)
+        nearest = int(np.argmin(norms))
+        if norms[nearest] < 0.9 * smallest:
+            q = arm.descend(taken[nearest], free, target)
+            residual = arm.residuals(q[None], target)[0]
+            smallest = min(smallest, float(np.linalg.norm(residual)), norms[nearest])
+            if smallest <= arm.tolerance:
+                raise NotConfirmedError(f'a posture reaches the goal to {smallest:.3g} m')
+            aim = residual / np.linalg.norm(residual)
+        bounds, cost = arm.lower_bounds(taken, widths, residuals, target, aim)
+        left = bounds <= needed
+        taken, widths, cost = taken[left], widths[left], cost[left]
+        side = np.argmax(cost, axis=1)
+        rows = np.arange(len(taken))
+        widths[rows, side] *= 0.5
+        for sign in (-1.0, 1.0):
+            moved = taken.copy()
+            moved[rows, side] += sign * widths[rows, side]
+            centres = np.concatenate([centres, moved])
+            halves = np.concatenate([halves, widths])
+    return f'refuted again with {spent} boxes'

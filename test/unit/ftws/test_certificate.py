@@ -1,0 +1,91 @@
+"""Certificates: confirmed as written, rejected when tampered with."""
+
+import copy
+import json
+
+import numpy as np
+import pytest
+
+from ft_manip_ros.cli.main import main
+from ft_manip_ros.core.errors import InputError
+from ft_manip_ros.core.ftws.certificate import certify, load_certificate, save_certificate, verify
+from ft_manip_ros.core.ftws.settings import FtwsSettings
+from ft_manip_ros.core.ftws.verifier import uncovered
+from unit.ftws.arms import planar, table_1
+
+SETTINGS = FtwsSettings(intervals=False)
+
+
+@pytest.fixture(scope='module')
+def document():
+    points = np.array([[1.0, 0.3, 0.0], [2.2, 0.0, 0.0]])
+    return certify(planar(1.0, 1.0, 1.0, 1.0), points, settings=SETTINGS)[1]
+
+
+def test_the_verifier_confirms_the_engine(document):
+    assert [ok for ok, _ in verify(json.loads(json.dumps(document)))] == [True, True]
+
+
+def test_spatial_and_pose_certificates_hold():
+    _, spatial = certify(table_1(), np.array([[1.0, 0.0, 0.5]]), settings=SETTINGS)
+    assert all(ok for ok, _ in verify(spatial))
+    pose = np.array([[1.0, 0.5, 0.0, 0.0, 0.0, 0.0, 1.0]])
+    _, planar_pose = certify(planar(1.0, 1.0, 1.0, 1.0, 0.0), pose, mode='pose', settings=SETTINGS)
+    assert planar_pose['goals'][0]['verdict'] == 'member'
+    assert all(ok for ok, _ in verify(planar_pose))
+
+
+def test_a_missing_piece_is_found(document):
+    broken = copy.deepcopy(document)
+    del broken['goals'][0]['pieces'][3]
+    ok, text = next(verify(broken))
+    assert not ok and 'covered by no piece' in text
+
+
+def test_a_wrong_verdict_is_found(document):
+    broken = copy.deepcopy(document)
+    broken['goals'][1]['point'] = [1.0, 0.3, 0.0]  # a member, called a non-member
+    broken['goals'][0]['point'] = [2.5, 0.0, 0.0]  # a non-member, called a member
+    assert [ok for ok, _ in verify(broken)] == [False, False]
+
+
+def test_an_arm_with_other_limits_is_found(document):
+    broken = copy.deepcopy(document)
+    for joint in broken['arm']['joints']:
+        joint['lower'], joint['upper'] = -1.0, 1.0
+    ok, _ = next(verify(broken))
+    assert not ok
+
+
+def test_uncovered_finds_gaps_in_two_dimensions():
+    low, high = np.zeros(2), np.ones(2)
+
+    def box(a, b, c, d):
+        return np.array([a, b]), np.array([c, d])
+
+    quarters = [box(0, 0, 0.5, 0.5), box(0.5, 0, 1, 0.6), box(0, 0.5, 0.5, 1), box(0.5, 0.5, 1, 1)]
+    assert uncovered(low, high, quarters) is None
+    gap = uncovered(low, high, quarters[:3])
+    assert gap is not None and (gap >= 0.5).all()
+
+
+def test_command_line_round_trip(tmp_path, capsys):
+    path = tmp_path / 'proof.json'
+    points = ['--point', '1', '0.2', '0', '--point', '3', '0', '0']
+    assert main(['ftws', 'planar_4r', *points, '--certificate', str(path), '--json']) == 0
+    rows = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    assert [row['verdict'] for row in rows] == ['member', 'non_member']
+    assert main(['verify', str(path), '--arm', 'planar_4r']) == 0
+    assert main(['verify', str(path), '--arm', 'planar_3r']) == 2
+    document = load_certificate(path)
+    document['goals'][0]['pieces'].pop(0)
+    save_certificate(document, path)
+    assert main(['verify', str(path)]) == 1
+
+
+@pytest.mark.parametrize('text', ['not json', '{}', '{"format": "something"}'])
+def test_files_that_are_no_certificates(tmp_path, text):
+    path = tmp_path / 'file.json'
+    path.write_text(text)
+    with pytest.raises(InputError):
+        load_certificate(path)
