@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -170,11 +171,11 @@ def solve_ik(
         counts,
         errors,
     )
-    status, iterations, restarts = (int(count) for count in counts[0])
-    distance, angle = (float(error) for error in errors[0])
+    status, iterations, restarts = counts[0].tolist()
+    distance, angle = errors[0].tolist()
     return IkResult(
         qs[0],
-        float(np.hypot(distance, settings.orientation_weight * angle)),
+        math.hypot(distance, settings.orientation_weight * angle),
         distance,
         angle,
         status == CONVERGED,
