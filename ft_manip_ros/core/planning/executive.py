@@ -11,6 +11,7 @@ import numpy as np
 from ft_manip_ros.core.chain import Array, SerialChain
 from ft_manip_ros.core.errors import InputError
 from ft_manip_ros.core.goal import Goal, Task
+from ft_manip_ros.core.planning.collision import CollisionChecker
 from ft_manip_ros.core.planning.decision import Decision, ExecutiveSettings, Visited
 from ft_manip_ros.core.planning.margins import tool_errors
 from ft_manip_ros.core.planning.proof import Proof
@@ -41,6 +42,8 @@ class Executive:
         The full arm.
     planning, watching
         Settings.
+    checker
+        Of bodies that must not touch; None: nothing is checked.
     """
 
     def __init__(
@@ -48,10 +51,12 @@ class Executive:
         chain: SerialChain,
         planning: PlanSettings | None = None,
         watching: ExecutiveSettings | None = None,
+        checker: CollisionChecker | None = None,
     ) -> None:
         self.chain = chain
         self.planning = planning or PlanSettings()
         self.watching = watching or ExecutiveSettings()
+        self._checker = checker
         self.frozen: dict[str, float] = {}
         self.sigma: dict[str, float] = {}
         self._runaway: tuple[str, ...] = ()
@@ -156,9 +161,11 @@ class Executive:
         """
         if decision is not self._latest:
             return None
-        if proof.found and self._progress is not None:
-            self._progress.hints.update(proof.found)
-            names = [self._progress.task.goals[i].id or f'goal {i}' for i in proof.found]
+        progress = self._progress
+        new = [] if progress is None else [k for k in proof.found if k not in progress.hints]
+        if new and progress is not None:
+            progress.hints.update(proof.found)
+            names = [progress.task.goals[k].id or f'goal {k}' for k in new]
             return self._decide(f'postures were found for {", ".join(names)}')
         if proof.plan.outcomes == decision.plan.outcomes:
             return None
@@ -229,6 +236,7 @@ class Executive:
             start_velocity=self._velocity(),
             settings=self.planning,
             hints=progress.hints,
+            checker=self._checker,
             halt=f'{", ".join(self._runaway)} runs away' if self._runaway else '',
         )
         progress.arrivals, progress.goals = {}, {}

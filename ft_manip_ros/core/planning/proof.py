@@ -32,7 +32,7 @@ class Proof:
 
 def needs_proof(plan: Plan) -> bool:
     """Tell whether `prove` could change anything."""
-    return any(outcome.outcome == Outcome.UNDECIDED for outcome in plan.outcomes)
+    return any(_open(outcome) for outcome in plan.outcomes)
 
 
 def prove(chain: SerialChain, plan: Plan, settings: PlanSettings) -> Proof:
@@ -50,7 +50,7 @@ def prove(chain: SerialChain, plan: Plan, settings: PlanSettings) -> Proof:
     found: dict[int, Array] = {}
     outcomes = []
     for outcome in plan.outcomes:
-        if outcome.outcome != Outcome.UNDECIDED:
+        if not _open(outcome):
             outcomes.append(outcome)
             continue
         place = replace(outcome.goal, orientation=None, free_axis=False)
@@ -72,6 +72,15 @@ def prove(chain: SerialChain, plan: Plan, settings: PlanSettings) -> Proof:
     if plan.trajectory is None:
         status, reason = plan.status, plan.reason
     return Proof(replace(plan, status=status, reason=reason, outcomes=done), found)
+
+
+def _open(outcome: GoalOutcome) -> bool:
+    """Tell whether no posture is known; one that is known may still touch something."""
+    goal = outcome.goal
+    reached = outcome.position_error <= goal.position_tolerance and not (
+        outcome.orientation_error > goal.orientation_tolerance
+    )
+    return outcome.outcome == Outcome.UNDECIDED and not reached
 
 
 def _lost(outcome: GoalOutcome, miss: float) -> GoalOutcome:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,8 +12,9 @@ from ft_manip_ros.core.chain import Array, SerialChain
 from ft_manip_ros.core.errors import InputError
 from ft_manip_ros.core.ftws.task_map import reach
 from ft_manip_ros.core.goal import Goal
+from ft_manip_ros.core.planning.collision import CollisionChecker
 from ft_manip_ros.core.planning.limits import arrays_within, motion_limits
-from ft_manip_ros.core.planning.plan import Plan, PlanStatus
+from ft_manip_ros.core.planning.plan import Outcome, Plan, PlanStatus
 from ft_manip_ros.core.planning.refutation import SIGMAS
 from ft_manip_ros.core.planning.reporting import describe, outcome_of
 from ft_manip_ros.core.planning.route import Route, plan_route, stop_route
@@ -33,6 +35,7 @@ def plan_task(
     settings: PlanSettings,
     halt: str = '',
     hints: Mapping[int, Array] | None = None,
+    checker: CollisionChecker | None = None,
 ) -> Plan:
     """Decide what becomes of the remaining goals and make the motion that visits them.
 
@@ -57,6 +60,9 @@ def plan_task(
         Why to stop whatever the policy says; goals are judged all the same.
     hints
         Postures, (n,), to start from besides others, by place of the goal.
+    checker
+        Of bodies that must not touch along the motion, after the stop from the moving state;
+        None: nothing is checked.
 
     Raises
     ------
@@ -80,22 +86,27 @@ def plan_task(
     stopping = stop_route(start[healthy], start_velocity[healthy], hard, settings)
     here = start.copy()
     here[healthy] = stopping.motion.positions[-1]
-    findings = triage(
-        arrays_within(chain, limits),
-        rod,
-        mask,
-        goals,
-        here,
-        settings,
-        hints or {},
-        _blur(chain, sigma),
-    )
+    arrays, blur = arrays_within(chain, limits), _blur(chain, sigma)
+    findings = triage(arrays, rod, mask, goals, here, settings, hints or {}, blur, checker)
+    if checker is not None and not halt and (pair := checker.touching(here)):
+        halt = f'{pair[0]} and {pair[1]} touch where the arm comes to rest'
     chosen, why_not = ([], halt) if halt else _to_visit(findings, bool(frozen), settings)
     route = stopping
     if chosen:
         route = plan_route(
-            chain, chosen, start[healthy], start_velocity[healthy], healthy, here, limits, settings
+            chain,
+            chosen,
+            start[healthy],
+            start_velocity[healthy],
+            healthy,
+            here,
+            limits,
+            settings,
+            checker,
         )
+        findings = [_cut_off(f) if f.index in route.cut_off else f for f in findings]
+        if route.cut_off and frozen and settings.policy == Policy.FINISH_ALL_OR_HALT:
+            route, why_not = stopping, 'the policy is to finish all or halt, and a way is blocked'
     outcomes = tuple(
         outcome_of(chain, finding, route.visits.get(finding.index), frozen, sigma)
         for finding in findings
@@ -121,6 +132,12 @@ def plan_task(
         None if problems else trajectory,
         why_not,
     )
+
+
+def _cut_off(finding: Finding) -> Finding:
+    """A goal with postures but no way there."""
+    reason = f'{finding.reason}, but no way there was found that touches nothing'
+    return replace(finding, outcome=Outcome.UNDECIDED, reason=reason)
 
 
 def _blur(chain: SerialChain, sigma: Mapping[str, float]) -> float:

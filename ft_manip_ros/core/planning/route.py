@@ -10,13 +10,15 @@ from numpy.typing import NDArray
 
 from ft_manip_ros.core.chain import FULL_TURN, Array, SerialChain
 from ft_manip_ros.core.planning import timing
+from ft_manip_ros.core.planning.collision import CollisionChecker
 from ft_manip_ros.core.planning.limits import MotionLimits, travel
 from ft_manip_ros.core.planning.margins import posture_margin
 from ft_manip_ros.core.planning.ordering import fastest_order, safest_order
-from ft_manip_ros.core.planning.sequence import choose_postures, straight_time
+from ft_manip_ros.core.planning.sequence import straight_time
 from ft_manip_ros.core.planning.settings import Order, PlanSettings
 from ft_manip_ros.core.planning.timing import Motion
 from ft_manip_ros.core.planning.triage import Finding
+from ft_manip_ros.core.planning.way import WayFinder
 
 # A controller needs two points; a stop that takes no time still stands for this long (s).
 _SHORTEST_HOLD = 0.1
@@ -32,10 +34,14 @@ class Visit:
 
 @dataclass(frozen=True, eq=False)
 class Route:
-    """A motion of the healthy joints and what it visits, by place in the original task."""
+    """A motion of the healthy joints, and what it visits, by place in the original task.
+
+    ``cut_off`` are the places of goals to which no way was found that touches nothing.
+    """
 
     motion: Motion
     visits: dict[int, Visit] = field(default_factory=dict)
+    cut_off: set[int] = field(default_factory=set)
 
 
 def stop_route(q: Array, v: Array, limits: MotionLimits, settings: PlanSettings) -> Route:
@@ -54,6 +60,7 @@ def plan_route(
     here: Array,
     limits: MotionLimits,
     settings: PlanSettings,
+    checker: CollisionChecker | None,
 ) -> Route:
     """Visit the goals, each in the posture that makes the whole fastest.
 
@@ -71,32 +78,61 @@ def plan_route(
         Where the full arm would come to rest if it stopped at once.
     limits
         Of all n joints.
+    checker
+        Of bodies that must not touch; None where they are not known.
     """
     hard = limits.take(healthy)
     scaled = hard.scaled(settings.rate_scale)
     groups = [folded(finding.postures.q[:, healthy], here[healthy], hard) for finding in findings]
     findings, groups = _ordered(chain, findings, groups, here, healthy, scaled, settings)
-    first = np.array([timing.arrival_time(q, v, target, scaled, hard) for target in groups[0]])
+    # Among bodies every move is straight: the arm stops first. Alone it flows on.
+    halt = stop_route(q, v, hard, settings).motion if checker else None
+
+    def first_times(goal: int) -> Array:
+        return _first_times(groups[goal], q, v, here[healthy], scaled, hard, halt)
+
     extra = [settings.limit_weight * limit_closeness(group, scaled) for group in groups]
-    picks, _ = choose_postures(first, groups, scaled, extra=extra)
-    parts: list[Motion] = []
+    way = WayFinder(
+        groups, first_times, extra, scaled, here, healthy, checker, settings.seed
+    ).find()
+    parts: list[Motion] = [] if halt is None else [halt]
     visits: dict[int, Visit] = {}
-    clock, at = 0.0, q
-    for finding, group, pick in zip(findings, groups, picks, strict=True):
-        if parts:
-            target = at + travel(at, group[pick], scaled.unlimited)
-            move = timing.move_between(at, target, scaled, settings.sample_period)
-        else:
-            move = timing.move_from(q, v, group[pick], scaled, hard, settings.sample_period)
-        at = move.positions[-1]
-        clock += move.duration
+    at, clock = (q, 0.0) if halt is None else (halt.positions[-1], halt.duration)
+    for place, (k, pick) in enumerate(zip(way.kept, way.picks, strict=True)):
+        stops = [way.vias[place]] if place in way.vias else []
+        for target in [*stops, groups[k][pick]]:
+            if parts:
+                end = at + travel(at, target, scaled.unlimited)
+                move = timing.move_between(at, end, scaled, settings.sample_period)
+            else:
+                move = timing.move_from(q, v, target, scaled, hard, settings.sample_period)
+            at = move.positions[-1]
+            clock += move.duration
+            parts.append(move)
         posture = here.copy()
         posture[healthy] = at
-        visits[finding.index] = Visit(clock, posture)
-        rest = timing.hold(at, max(settings.dwell, timing.SHORTEST_STEP))
-        clock += rest.duration
-        parts += [move, rest]
-    return Route(timing.joined(parts), visits)
+        visits[findings[k].index] = Visit(clock, posture)
+        parts.append(timing.hold(at, max(settings.dwell, timing.SHORTEST_STEP)))
+        clock += parts[-1].duration
+    cut_off = {finding.index for k, finding in enumerate(findings) if k not in way.kept}
+    return Route(timing.joined(parts), visits, cut_off)
+
+
+def _first_times(
+    group: Array,
+    q: Array,
+    v: Array,
+    rest: Array,
+    limits: MotionLimits,
+    braking: MotionLimits,
+    halt: Motion | None,
+) -> Array:
+    """Time (s) from the moving state to each posture, (K, m); straight after a stop if any."""
+    if halt is None:
+        times = [timing.arrival_time(q, v, target, limits, braking) for target in group]
+        return np.array(times)
+    rates = (limits.unlimited, limits.velocity, limits.acceleration, limits.jerk)
+    return np.array([halt.duration + straight_time(rest, target, *rates) for target in group])
 
 
 def _ordered(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 from numba import njit
@@ -65,6 +66,7 @@ def _cheapest_path(
     postures: Array,
     extra: Array,
     sizes: NDArray[np.int64],
+    added: Array,
     unlimited: NDArray[np.bool_],
     velocity: Array,
     acceleration: Array,
@@ -80,7 +82,10 @@ def _cheapest_path(
             for before in range(sizes[layer - 1]):
                 if cost[layer - 1, before] >= cost[layer, k]:
                     continue
-                total = cost[layer - 1, before] + straight_time(
+                total = cost[layer - 1, before] + added[layer, before, k]
+                if total >= cost[layer, k]:
+                    continue
+                total += straight_time(
                     postures[layer - 1, before],
                     postures[layer, k],
                     unlimited,
@@ -106,6 +111,7 @@ def choose_postures(
     limits: MotionLimits,
     *,
     extra: list[Array] | None = None,
+    penalties: Mapping[tuple[int, int, int], float] | None = None,
 ) -> tuple[list[int], float]:
     """Pick one candidate of each goal for least total time, by dynamic programming.
 
@@ -120,13 +126,16 @@ def choose_postures(
     extra
         Seconds to add for choosing a candidate, one array of shape (K_l,) a goal; how other
         wishes than time (distance from limits) weigh in.
+    penalties
+        Seconds to add for single moves, by goal, candidate of the goal before, and candidate:
+        infinite where the way is blocked, and what a detour costs.
 
     Returns
     -------
     indices
         L indices into ``candidates``.
     total
-        Time (s) plus the chosen extras.
+        Time (s) plus the chosen extras; infinite where every way is blocked.
     """
     layers, m = len(candidates), candidates[0].shape[1]
     sizes = np.array([len(c) for c in candidates], dtype=np.int64)
@@ -136,11 +145,15 @@ def choose_postures(
         postures[k, : len(group)] = group
         if extra is not None:
             added[k, : len(group)] = extra[k]
+    between = np.zeros((layers, postures.shape[1], postures.shape[1]))
+    for move, penalty in (penalties or {}).items():
+        between[move] = penalty
     path, total = _cheapest_path(
         np.ascontiguousarray(first, dtype=float),
         postures,
         added,
         sizes,
+        between,
         limits.unlimited,
         limits.velocity,
         limits.acceleration,

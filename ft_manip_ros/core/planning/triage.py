@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ft_manip_ros.core.chain import Array, ChainArrays, SerialChain
 from ft_manip_ros.core.goal import Goal
+from ft_manip_ros.core.planning.collision import CollisionChecker
 from ft_manip_ros.core.planning.plan import Outcome
 from ft_manip_ros.core.planning.postures import Postures, find_postures
 from ft_manip_ros.core.planning.reach import proved_miss
@@ -61,6 +62,7 @@ def triage(
     settings: PlanSettings,
     hints: Mapping[int, Array],
     blur: float,
+    checker: CollisionChecker | None = None,
 ) -> list[Finding]:
     """Judge goals in order; each search starts from the postures found for the goal before.
 
@@ -79,12 +81,16 @@ def triage(
         Postures, (n,), to start from besides others, by place of the goal.
     blur
         How far (m) the frozen joints' uncertain positions may displace the tool.
+    checker
+        Of bodies that must not touch; None where they are not known.
     """
     near = here[None, :]
     findings = []
     for index, goal in goals:
         starts = np.vstack([near, hints[index]]) if index in hints else near
         finding = _judge(chain, rod, frozen, index, goal, starts, settings, blur)
+        if checker is not None:
+            finding = _without_touching(finding, checker)
         findings.append(finding)
         if len(finding.postures.q):
             near = np.vstack([finding.postures.q[: settings.postures // 2 + 1], here])
@@ -116,6 +122,21 @@ def _judge(
             return Finding(goal, index, Outcome.RELAXED, weaker, relaxation, found, reason)
     reason = f'neither posture nor proof: {_missed(asked, goal)}'
     return Finding(goal, index, Outcome.UNDECIDED, goal, None, asked, reason)
+
+
+def _without_touching(finding: Finding, checker: CollisionChecker) -> Finding:
+    """Drop the postures in which bodies touch; without any left the goal is open."""
+    found = finding.postures
+    free = np.array([not checker.touches(q) for q in found.q], dtype=bool)
+    if free.all():
+        return finding
+    kept = replace(found, q=found.q[free])
+    if len(kept.q):
+        return replace(finding, postures=kept, reason=_reached(kept))
+    pair = checker.touching(found.q[0])
+    between = ' and '.join(pair) if pair else 'bodies'
+    reason = f'{between} touch in each of the {len(free)} postures found'
+    return replace(finding, postures=kept, outcome=Outcome.UNDECIDED, reason=reason)
 
 
 def _reached(found: Postures) -> str:
