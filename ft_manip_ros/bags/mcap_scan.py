@@ -6,7 +6,7 @@ import heapq
 import re
 import struct
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
@@ -78,13 +78,23 @@ class McapScan:
         except OSError as error:
             raise InputError(f'bag file {path}', f'cannot be read: {error.strerror}') from None
 
-    def messages(self) -> Iterator[RecordedMessage]:
-        """Yield all readable messages by log time, then topic, then place in the file."""
-        topics = {channel.id: channel.topic for channel in self.channels.values()}
+    def messages(self, wanted: Collection[str] | None = None) -> Iterator[RecordedMessage]:
+        """Yield the readable messages by log time, then topic, then place in the file.
+
+        Parameters
+        ----------
+        wanted
+            Only of these topics; of all if None.
+        """
+        topics = {
+            channel.id: channel.topic
+            for channel in self.channels.values()
+            if wanted is None or channel.topic in wanted
+        }
         heap: list[tuple[int, str, int, RecordedMessage]] = []
         order = 0
-        loose = sorted(self._loose, key=lambda message: message.log_time)
-        for message in loose:
+        loose = (message for message in self._loose if message.channel_id in topics)
+        for message in sorted(loose, key=lambda message: message.log_time):
             heapq.heappush(heap, (message.log_time, topics[message.channel_id], order, message))
             order += 1
         with self.path.open('rb') as file:
@@ -92,21 +102,24 @@ class McapScan:
                 while heap and heap[0][0] < chunk.start:
                     yield heapq.heappop(heap)[3]
                 file.seek(chunk.offset)
-                for message in self._chunk_messages(file.read(chunk.length), chunk.count):
+                for message in self._chunk_messages(file.read(chunk.length), chunk.count, topics):
                     topic = topics[message.channel_id]
                     heapq.heappush(heap, (message.log_time, topic, order, message))
                     order += 1
         while heap:
             yield heapq.heappop(heap)[3]
 
-    def _chunk_messages(self, body: bytes, count: int) -> Iterator[RecordedMessage]:
-        """The first ``count`` messages of a chunk: those that opening it has found usable."""
+    def _chunk_messages(
+        self, body: bytes, count: int, topics: Mapping[int, str]
+    ) -> Iterator[RecordedMessage]:
+        """Those of the first ``count`` messages of a chunk (what opening it found usable)."""
         for opcode, record in mr.split_records(mr.chunk_records(body)):
             if count == 0:
                 return
             if opcode == mr.MESSAGE:
                 count -= 1
-                yield mr.parse_message(record)
+                if record[0] | record[1] << 8 in topics:
+                    yield mr.parse_message(record)
 
     def _scan(self, file: BinaryIO) -> None:
         if file.read(len(mr.MAGIC)) != mr.MAGIC:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from pathlib import Path
 
 from ft_manip_ros.bags.mcap_scan import McapScan
@@ -53,9 +53,9 @@ class McapSource:
             for schema in self._scan.schemas.values()
         ]
 
-    def messages(self) -> Iterator[BagMessage]:
-        """All readable messages by log time, then topic."""
-        for message in self._scan.messages():
+    def messages(self, wanted: Collection[str] | None = None) -> Iterator[BagMessage]:
+        """Readable messages of these topics (None: all) by log time, then topic."""
+        for message in self._scan.messages(wanted):
             topic, type_name = self._names[message.channel_id]
             yield BagMessage(
                 topic, type_name, message.log_time, message.publish_time, message.data

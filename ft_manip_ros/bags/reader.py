@@ -87,14 +87,13 @@ class Bag:
         start, end
             Only from ``start`` on and up to ``end``, log times in ns.
         """
-        streams = (source.messages() for source in self.sources)
+        streams = (source.messages(topics) for source in self.sources)
         for message in heapq.merge(*streams, key=lambda m: (m.log_time, m.topic)):
             if end is not None and message.log_time > end:
                 return
             if start is not None and message.log_time < start:
                 continue
-            if topics is None or message.topic in topics:
-                yield message
+            yield message
 
     def decode(self, message: BagMessage) -> Any:
         """Return the decoded message.

@@ -71,9 +71,9 @@ class FaultReplay:
             stamp,
             record.log_time,
             message.name,
-            message.position,
-            message.velocity,
-            message.effort,
+            message.position.tolist(),
+            message.velocity.tolist(),
+            message.effort.tolist(),
         )
         self._stamp = stamp or record.log_time
         self._seen_sample = True

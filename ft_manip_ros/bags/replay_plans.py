@@ -99,8 +99,8 @@ class PlanReplay:
             raise InputError('joint state: position', f'has {len(message.position)} values')
         velocities = None
         if len(message.velocity) == len(names):
-            velocities = dict(zip(names, message.velocity, strict=True))
-        positions = dict(zip(names, message.position, strict=True))
+            velocities = dict(zip(names, message.velocity.tolist(), strict=True))
+        positions = dict(zip(names, message.position.tolist(), strict=True))
         _, decision = self._executive.on_joint_state(stamp, positions, velocities)
         self._latest = max(self._latest, stamp)
         self._note(decision, stamp)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple, Protocol
@@ -62,6 +62,6 @@ class Source(Protocol):
         """(type name, encoding, text) of all schemas."""
         ...
 
-    def messages(self) -> Iterator[BagMessage]:
-        """All readable messages by log time, then topic."""
+    def messages(self, wanted: Collection[str] | None = None) -> Iterator[BagMessage]:
+        """Readable messages of these topics (None: all) by log time, then topic."""
         ...

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from pathlib import Path
 
 from rosbags.interfaces import Connection, ConnectionExtRosbag2, MessageDefinitionFormat
@@ -58,10 +58,13 @@ class SqliteSource:
             if c.msgdef.format in _ENCODINGS
         ]
 
-    def messages(self) -> Iterator[BagMessage]:
-        """All messages by log time, then topic."""
+    def messages(self, wanted: Collection[str] | None = None) -> Iterator[BagMessage]:
+        """Messages of these topics (None: all) by log time, then topic."""
         held: list[BagMessage] = []
-        for connection, log_time, data in self._reader.messages():
+        chosen = [c for c in self._connections if wanted is None or c.topic in wanted]
+        if not chosen:
+            return
+        for connection, log_time, data in self._reader.messages(chosen):
             if held and held[0].log_time != log_time:
                 yield from sorted(held, key=lambda message: message.topic)
                 held.clear()
