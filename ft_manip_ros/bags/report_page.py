@@ -27,7 +27,7 @@ img { max-width: 100%; }
 def page(data: ReportData, pictures: dict[str, Path]) -> str:
     """Return the page; pictures are embedded, and nothing is loaded from elsewhere."""
     bag = data.bag
-    title = f'Report of {bag.path.name}'
+    title = f'Report of {"/".join(bag.path.resolve().parts[-2:])}'
     parts = [
         '<!DOCTYPE html>',
         '<html lang="en"><head><meta charset="utf-8">',
