@@ -31,7 +31,38 @@ class CollisionChecker:
         for request in self._near.collisionRequests:
             request.security_margin = bodies.padding
         self._levels = [bodies.geometry.createData() for _ in range(_HALVINGS + 1)]
+        self._allowed: list[int] = []
         self._approach = _approaches(bodies)
+
+    def allow_at(self, q: Array) -> tuple[tuple[str, str], ...]:
+        """Stop checking the arm's own bodies that touch at a posture against each other.
+
+        The arm stands there, so such a pair touches in its model only: through padding, or hulls
+        that are wider than the bodies. Obstacles go on being checked. Forgets what an earlier
+        call allowed. Returns the names of the pairs.
+        """
+        geometry = self.bodies.geometry
+        pairs = [(pair.first, pair.second) for pair in geometry.collisionPairs]
+        datas = [self._near, *self._levels]
+        for k in self._allowed:
+            for data in datas:
+                data.activateCollisionPair(k)
+        full = self.bodies.configuration(q)
+        pinocchio.computeCollisions(
+            self.bodies.model, self._data, geometry, self._near, full, False
+        )
+        results = self._near.collisionResults
+        own = self.bodies.own
+        self._allowed = [
+            k
+            for k, (first, second) in enumerate(pairs)
+            if first < own and second < own and results[k].isCollision()
+        ]
+        for k in self._allowed:
+            for data in datas:
+                data.deactivateCollisionPair(k)
+        names = [body.name for body in geometry.geometryObjects]
+        return tuple((names[pairs[k][0]], names[pairs[k][1]]) for k in self._allowed)
 
     def touches(self, q: Array) -> bool:
         """Tell whether bodies come nearer than the padding at a posture, shape (n,)."""
@@ -40,12 +71,14 @@ class CollisionChecker:
     def touching(self, q: Array) -> tuple[str, str] | None:
         """Return the names of two bodies nearer than the padding at a posture, or None."""
         geometry = self.bodies.geometry
-        full = self.bodies.configurations(q[None, :])[0]
+        full = self.bodies.configuration(q)
         pinocchio.computeCollisions(
             self.bodies.model, self._data, geometry, self._near, full, False
         )
-        for pair, result in zip(geometry.collisionPairs, self._near.collisionResults, strict=True):
-            if result.isCollision():
+        results = self._near.collisionResults
+        for k, pair in enumerate(geometry.collisionPairs):
+            # The results of pairs that are let go are old ones.
+            if k not in self._allowed and results[k].isCollision():
                 objects = geometry.geometryObjects
                 return objects[pair.first].name, objects[pair.second].name
         return None
@@ -93,7 +126,7 @@ class CollisionChecker:
         return None
 
     def _collide(self, data: pinocchio.GeometryData, q: Array) -> bool:
-        full = self.bodies.configurations(q[None, :])[0]
+        full = self.bodies.configuration(q)
         return bool(
             pinocchio.computeCollisions(
                 self.bodies.model, self._data, self.bodies.geometry, data, full, True

@@ -7,11 +7,13 @@ import sys
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import coal
 import numpy as np
 import pinocchio
+from numpy.typing import NDArray
 
 from ft_manip_ros.core.chain import Array, SerialChain
 from ft_manip_ros.core.errors import InputError
@@ -37,6 +39,8 @@ class CollisionModel:
         Where the bodies come from, for a person.
     padding
         Distance (m) that bodies are to keep.
+    own
+        How many of the geometry's objects are the robot's; the others are obstacles.
     ignored
         Names of pairs that touch in (nearly) every posture and are not checked.
     """
@@ -46,21 +50,32 @@ class CollisionModel:
     geometry: pinocchio.GeometryModel
     source: str
     padding: float
+    own: int
     ignored: tuple[tuple[str, str], ...]
 
-    def configurations(self, qs: Array) -> Array:
-        """Return postures of the arm, (N, n), as Pinocchio's, (N, nq); other joints at neutral.
+    @cached_property
+    def _places(self) -> tuple[NDArray[np.intp], NDArray[np.bool_], Array]:
+        """Where each joint of the arm is in a configuration, which have two coordinates there."""
+        joints = [
+            self.model.joints[self.model.getJointId(name)] for name in self.chain.joint_names
+        ]
+        return (
+            np.array([joint.idx_q for joint in joints], dtype=np.intp),
+            np.array([joint.nq == 2 for joint in joints], dtype=np.bool_),
+            pinocchio.neutral(self.model),
+        )
+
+    def configuration(self, q: Array) -> Array:
+        """Return a posture of the arm, (n,), as Pinocchio's, (nq,); other joints at neutral.
 
         Joints are mapped by name: a continuous one has two coordinates there.
         """
-        full = np.tile(pinocchio.neutral(self.model), (len(qs), 1))
-        for i, name in enumerate(self.chain.joint_names):
-            joint = self.model.joints[self.model.getJointId(name)]
-            if joint.nq == 2:
-                full[:, joint.idx_q] = np.cos(qs[:, i])
-                full[:, joint.idx_q + 1] = np.sin(qs[:, i])
-            else:
-                full[:, joint.idx_q] = qs[:, i]
+        places, turning, neutral = self._places
+        full = neutral.copy()
+        full[places] = q
+        if turning.any():
+            full[places[turning]] = np.cos(q[turning])
+            full[places[turning] + 1] = np.sin(q[turning])
         return full
 
 
@@ -94,9 +109,10 @@ def capsule_model(
         for b in range(a + 2, len(links)):
             geometry.addCollisionPair(pinocchio.CollisionPair(a, b))
     base = pinocchio.SE3.Identity()
+    own = len(geometry.geometryObjects)
     _add_obstacles(geometry, obstacles, base, fixed=[k for k, i in enumerate(links) if i == 0])
     source = f'capsules of {radius:g} m radius along the links'
-    return _without_constant_pairs(chain, model, geometry, source, padding)
+    return _without_constant_pairs(chain, model, geometry, source, padding, own)
 
 
 def urdf_model(
@@ -156,9 +172,10 @@ def urdf_model(
     pinocchio.framesForwardKinematics(model, data, pinocchio.neutral(model))
     at = data.oMf[model.getFrameId(base)] if base else pinocchio.SE3.Identity()
     fixed = [k for k, b in enumerate(geometry.geometryObjects) if not moved[b.parentJoint]]
+    own = len(geometry.geometryObjects)
     _add_obstacles(geometry, obstacles, at, fixed=fixed)
     source = 'collision bodies of the URDF'
-    return _without_constant_pairs(chain, model, geometry, source, padding)
+    return _without_constant_pairs(chain, model, geometry, source, padding, own)
 
 
 def _add_obstacles(
@@ -194,16 +211,18 @@ def _without_constant_pairs(
     geometry: pinocchio.GeometryModel,
     source: str,
     padding: float,
+    own: int,
 ) -> CollisionModel:
     """Drop the pairs that touch in nearly every posture: they say nothing about any."""
-    found = CollisionModel(chain, model, geometry, source, padding, ())
+    found = CollisionModel(chain, model, geometry, source, padding, own, ())
     rng = np.random.default_rng(0)
     data, bodies = model.createData(), geometry.createData()
     for request in bodies.collisionRequests:
         request.security_margin = padding
     counts = np.zeros(len(geometry.collisionPairs), dtype=int)
-    for q in found.configurations(rng.uniform(chain.lower, chain.upper, (_DRAWS, chain.n))):
-        pinocchio.computeCollisions(model, data, geometry, bodies, q, False)
+    for q in rng.uniform(chain.lower, chain.upper, (_DRAWS, chain.n)):
+        full = found.configuration(q)
+        pinocchio.computeCollisions(model, data, geometry, bodies, full, False)
         counts += [result.isCollision() for result in bodies.collisionResults]
     names = [body.name for body in geometry.geometryObjects]
     ignored = []
@@ -211,7 +230,7 @@ def _without_constant_pairs(
         if count >= _ALWAYS * _DRAWS:
             ignored.append((names[first], names[second]))
             geometry.removeCollisionPair(pinocchio.CollisionPair(first, second))
-    return CollisionModel(chain, model, geometry, source, padding, tuple(ignored))
+    return CollisionModel(chain, model, geometry, source, padding, own, tuple(ignored))
 
 
 def _pairs(geometry: pinocchio.GeometryModel) -> list[tuple[int, int]]:

@@ -86,6 +86,7 @@ def plan_task(
     stopping = stop_route(start[healthy], start_velocity[healthy], hard, settings)
     here = start.copy()
     here[healthy] = stopping.motion.positions[-1]
+    allowed = () if checker is None else checker.allow_at(here)
     arrays, blur = arrays_within(chain, limits), _blur(chain, sigma)
     findings = triage(arrays, rod, mask, goals, here, settings, hints or {}, blur, checker)
     if checker is not None and not halt and (pair := checker.touching(here)):
@@ -121,6 +122,9 @@ def plan_task(
         start_velocity=np.where(mask, 0.0, start_velocity),
     )
     status, reason = describe(outcomes, why_not)
+    if allowed:
+        pairs = ', '.join(f'{a} and {b}' for a, b in allowed)
+        reason += f'; not checked, for they touch where the arm comes to rest: {pairs}'
     if problems:
         status, reason = PlanStatus.REFUSED, f'the trajectory is unsafe: {"; ".join(problems)}'
     return Plan(

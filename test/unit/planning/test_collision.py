@@ -157,6 +157,21 @@ def test_a_moving_arm_stops_first_then_moves_free():
     assert_free(plan, judge)
 
 
+def test_own_bodies_that_touch_at_rest_are_let_go_and_named():
+    arm = planar(4)
+    judge = checker(ball([0.0, 3.0, 0.0]), arm=arm)
+    folded = np.full(4, np.pi / 2.0)
+    goals = [Goal(np.array([2.5, -1.0, 0.0]))]
+    plan = planned(goals, folded, judge, arm=arm)
+    assert plan.status == PlanStatus.FINISHES
+    assert 'not checked, for they touch' in plan.reason
+    # The next plan starts elsewhere: all pairs count again.
+    assert (
+        planned(goals, np.zeros(4), judge, arm=arm).reason == 'all 1 remaining goals are visited'
+    )
+    assert judge.touches(folded)
+
+
 @pytest.mark.parametrize('name', ['panda', 'jaco'])
 def test_bodies_of_a_urdf_stand_where_pinocchio_has_them(name):
     urdf, base, tip, _ = REAL_ARMS[name]
@@ -167,7 +182,7 @@ def test_bodies_of_a_urdf_stand_where_pinocchio_has_them(name):
     rng = np.random.default_rng(1)
     q = rng.uniform(arm.lower, arm.upper)
     data = bodies.model.createData()
-    pinocchio.framesForwardKinematics(bodies.model, data, bodies.configurations(q[None, :])[0])
+    pinocchio.framesForwardKinematics(bodies.model, data, bodies.configuration(q))
     at_base = data.oMf[bodies.model.getFrameId(base)]
     tool = (at_base.inverse() * data.oMf[bodies.model.getFrameId(tip)]).translation
     np.testing.assert_allclose(tool, fk(arm, q)[1], atol=1e-9)
