@@ -8,7 +8,6 @@ import os
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from ft_manip_ros.core.errors import InputError
 
@@ -35,18 +34,13 @@ COMMANDS = {
 }
 
 
-class _Help(argparse.Action):
-    """List the commands without importing any of them."""
-
-    def __init__(self, option_strings: Sequence[str], dest: str, **_: Any) -> None:
-        super().__init__(option_strings, dest, nargs=0, help='show this help and exit')
-
-    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
-        print('usage: ftmanip COMMAND ... (ftmanip COMMAND --help says more)\n')
-        for name, command in COMMANDS.items():
-            print(f'  {name:<10} {command.help}')
-        print('\nExit codes: 0 answered, 1 a check failed, 2 bad usage or bad input.')
-        parser.exit(0)
+def overview() -> str:
+    """List the commands, without importing any of them."""
+    lines = ['usage: ftmanip COMMAND ... (ftmanip COMMAND --help says more)', '']
+    lines += [f'  {name:<10} {command.help}' for name, command in COMMANDS.items()]
+    return '\n'.join(
+        [*lines, '', 'Exit codes: 0 answered, 1 a check failed, 2 bad usage or input.']
+    )
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -58,12 +52,17 @@ def main(argv: Sequence[str] | None = None) -> int:
         0 answered, 1 a check failed, 2 bad usage or bad input.
     """
     arguments = list(sys.argv[1:] if argv is None else argv)
-    parser = argparse.ArgumentParser(prog='ftmanip', add_help=False)
-    parser.add_argument('-h', '--help', action=_Help)
-    if not arguments or arguments[0] not in COMMANDS:
-        if not arguments or arguments[0] in ('-h', '--help'):
-            parser.parse_args(['--help'])
-        parser.exit(2, f'ftmanip: no command {arguments[0]!r}; there are {", ".join(COMMANDS)}\n')
+    if not arguments:
+        print(overview(), file=sys.stderr)
+        return 2
+    if arguments[0] in ('-h', '--help'):
+        print(overview())
+        return 0
+    if arguments[0] not in COMMANDS:
+        known = ', '.join(COMMANDS)
+        print(f'ftmanip: no command {arguments[0]!r}; there are {known}', file=sys.stderr)
+        return 2
+    parser = argparse.ArgumentParser(prog='ftmanip')
     subparsers = parser.add_subparsers(dest='command', required=True)
     module = importlib.import_module(f'ft_manip_ros.cli.{COMMANDS[arguments[0]].module}')
     module.add_parser(subparsers)

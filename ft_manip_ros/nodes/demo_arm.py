@@ -133,8 +133,8 @@ def _ask(observer: Observer, points: Sequence[Array]) -> list[FtwsAnswer]:
 def in_words(answer: FtwsAnswer) -> str:
     """Answer of the workspace node as one clause."""
     if answer.verdict == FtwsAnswer.MEMBER:
-        margin = answer.margin * 1e3
-        return f'member: any joint may lock at any angle (proved for {margin:.2g} mm around it)'
+        around = f', so for {answer.margin * 1e3:.2g} mm around' * (answer.margin >= 1e-6)
+        return f'member: any joint may lock at any angle (proved{around})'
     if answer.verdict == FtwsAnswer.UNDECIDED:
         return f'undecided: {answer.reason}'
     witness = ' and '.join(
