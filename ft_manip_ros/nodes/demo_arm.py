@@ -124,7 +124,7 @@ def _ask(observer: Observer, points: Sequence[Array]) -> list[FtwsAnswer]:
     request = QueryFtws.Request(
         poses=[pose_to_message(point) for point in points], mode='position', time_budget=10.0
     )
-    response = observer.call(QueryFtws, topics.QUERY_FTWS, request, timeout=60.0)
+    response = observer.call(QueryFtws, topics.QUERY_FTWS, request, timeout=60.0, again=25.0)
     if not response.success:
         raise StoryError(f'the workspace node refused the question: {response.message}')
     return list(response.answers)

@@ -26,6 +26,10 @@ class StoryError(RuntimeError):
     """Something that the story needs did not happen; the message says what."""
 
 
+class SilenceError(StoryError):
+    """It was waited for in vain."""
+
+
 class Observer(ManagedNode):
     """Keeps every message of interest with the time at which it arrived (ns of the ROS clock).
 
@@ -87,8 +91,10 @@ class Observer(ManagedNode):
 
         Raises
         ------
+        SilenceError
+            If it does not come true in time.
         StoryError
-            If it does not come true in time, or a process ends in the meantime.
+            If a process ends in the meantime.
         """
         deadline = time.monotonic() + timeout
         while not (value := condition()):
@@ -96,7 +102,7 @@ class Observer(ManagedNode):
             if dead:
                 raise StoryError('; '.join(dead))
             if time.monotonic() > deadline:
-                raise StoryError(f'waited {timeout:g} s in vain for {what}')
+                raise SilenceError(f'waited {timeout:g} s in vain for {what}')
             self._executor_kept.spin_once(timeout_sec=0.05)
         return value
 
@@ -105,7 +111,9 @@ class Observer(ManagedNode):
         deadline = time.monotonic() + timeout
         while True:
             left = max(deadline - time.monotonic(), 0.0)
-            answer = self.call(GetState, f'{node}/get_state', GetState.Request(), timeout=left)
+            answer = self.call(
+                GetState, f'{node}/get_state', GetState.Request(), timeout=left, again=5.0
+            )
             if answer.current_state.id == State.PRIMARY_STATE_ACTIVE:
                 return
 
@@ -127,14 +135,37 @@ class Observer(ManagedNode):
             f'{publishers} publishers and {subscriptions} subscriptions of {topic}',
         )
 
-    def call(self, service_type: Any, name: str, request: Any, *, timeout: float) -> Any:
-        """Call a service as soon as it exists and return its response."""
+    def call(
+        self,
+        service_type: Any,
+        name: str,
+        request: Any,
+        *,
+        timeout: float,
+        again: float | None = None,
+    ) -> Any:
+        """Call a service as soon as it exists and return its response.
+
+        Parameters
+        ----------
+        again
+            Ask again after so many seconds without an answer, for questions that may be asked
+            twice: a request that is sent while a server is still being discovered can get lost.
+        """
         client = self.create_client(service_type, name)
+        deadline = time.monotonic() + timeout
         try:
             self.until(client.service_is_ready, timeout, f'service {name}')
-            future = client.call_async(request)
-            self.until(future.done, timeout, f'the answer of {name}')
-            return future.result()
+            while True:
+                future = client.call_async(request)
+                left = max(deadline - time.monotonic(), 0.0)
+                try:
+                    self.until(future.done, min(left, again or left), f'the answer of {name}')
+                except SilenceError:
+                    if again is None or time.monotonic() > deadline:
+                        raise
+                    continue
+                return future.result()
         finally:
             self.destroy_client(client)
 
