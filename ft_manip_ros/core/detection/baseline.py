@@ -29,6 +29,6 @@ def first_alarm(recording: Recording, threshold: float) -> tuple[int, int] | Non
     return (int(rows[0]), int(joints[0])) if len(rows) else None
 
 
-def quiet_threshold(recordings: list[Recording]) -> float:
-    """Least threshold that raises no alarm in any of these healthy recordings."""
-    return max(float(exceedance(recording).max()) for recording in recordings)
+def quiet_threshold(recording: Recording) -> float:
+    """Least threshold that raises no alarm in this healthy recording."""
+    return float(exceedance(recording).max())

@@ -1,8 +1,8 @@
 """Compiled: a joint that stops dead, for arms whose commands nobody tells.
 
 Without a command a rest is no evidence, but the way into it is: no healthy joint stops faster than
-its drive can brake. What its speed would have carried it at twice the hardest braking ever
-seen is motion that it failed to show.
+its drive can brake. The way on which its speed would have carried it at two and a half times the
+hardest braking ever seen is motion that it failed to show.
 """
 
 from __future__ import annotations
@@ -21,7 +21,8 @@ Array = NDArray[np.float64]
 _SPAN: Final = 0.03  # s over which a speed is measured
 _LEAST_SAMPLES: Final = 3
 _SETTLED: Final = 0.06  # s of stillness before a stop is looked at
-_HARDER: Final = 2.0  # times the hardest braking seen
+_COARSEST: Final = 0.1  # s: sampled more slowly, a stop cannot be told from braking
+_HARDER: Final = 2.5  # times the hardest braking seen
 _ENOUGH: Final = 200  # moving samples
 _ENOUGH_STOPS: Final = 2
 _STOPPED: Final = 0.3  # s
@@ -37,9 +38,9 @@ def observe_coasting(r: Any, past_t: Array, past_q: Array, t: float, q: float) -
     past_q[r.past_n % PAST] = q
     r.past_n += 1
     span = max(_LEAST_SAMPLES, int(np.ceil(_SPAN / r.period))) if r.period > 0.0 else PAST
-    if 2 * span >= min(r.past_n, PAST):
-        r.speed = 0.0
+    if 2 * span >= min(r.past_n, PAST) or span * r.period > _COARSEST:
         r.stop_speed = 0.0
+        r.missing = 0.0
         return
     i, j = (r.past_n - 1 - span) % PAST, (r.past_n - 1 - 2 * span) % PAST
     late = (q - past_q[i]) / (t - past_t[i])
@@ -51,8 +52,7 @@ def observe_coasting(r: Any, past_t: Array, past_q: Array, t: float, q: float) -
         fading = 1.0 - min(t - r.t_1, 1.0) / _MEMORY
         r.braking = max(change, r.braking * fading)
         r.moving_n += 1
-        r.speed = max(abs(late) - noise, 0.0)
-        r.stop_speed = r.speed
+        r.stop_speed = max(abs(late) - noise, 0.0)
         r.stop_counted = False
     elif not r.stop_counted and r.still_time > _STOPPED:
         r.stop_counted = True

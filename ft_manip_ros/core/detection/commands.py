@@ -45,7 +45,7 @@ def _evaluate(
     elif t >= knots[last]:
         piece, s = last - 1, knots[last] - knots[last - 1]
     else:
-        piece = np.searchsorted(knots, t, side='right') - 1
+        piece = int(np.searchsorted(knots, t, side='right')) - 1
         s = t - knots[piece]
     for i in range(joints.shape[0]):
         value = 0.0

@@ -39,6 +39,7 @@ from ft_manip_ros.core.detection.tracking import learn_noise, learn_tracking, re
 Array = NDArray[np.float64]
 
 _LATCHED: Final = (int(JointState.LOCKED), int(JointState.RUNAWAY))
+_SUSPECT: Final = int(JointState.SUSPECT)
 _JUMP: Final = int(Cause.JUMP)
 _DEAD: Final = int(Cause.DEAD_CHANNEL)
 _LATE: Final = int(Cause.LATE)
@@ -114,7 +115,7 @@ def _zero_row(memory: Memory, q: Array, present: NDArray[np.bool_]) -> bool:
 
 
 @numba.njit(cache=True, nogil=True)
-def _accept(memory: Memory, j: int, t: float, q: float, v: float, e: float, c: float) -> int:
+def _accept(memory: Memory, j: int, t: float, q: float, v: float, e: float) -> int:
     """Let one believed sample speak; returns a confirmed runaway's cause or QUIET."""
     r, s, arm = memory.joints[j], memory.settings[0], memory.arm[0]
     ring_t, ring_c = memory.ring_t[j], memory.ring_c[j]
@@ -128,7 +129,6 @@ def _accept(memory: Memory, j: int, t: float, q: float, v: float, e: float, c: f
     else:
         r.period_n += 1
         r.period += (dt - r.period) / min(float(r.period_n), 50.0)
-    remember_command(r, ring_t, ring_c, t, c)
     lag_prior = s.lag_prior_s
     if arm.lag_high > 0.0:
         lag_prior = min(lag_prior, 1.5 * arm.lag_high)
@@ -137,7 +137,7 @@ def _accept(memory: Memory, j: int, t: float, q: float, v: float, e: float, c: f
     broke = observe_stillness(r, s, ring_t, ring_c, t, q, v, lag_prior)
     if broke:
         r.has_moved = r.has_sample and dt > 0.0
-        if level >= _FIRST_LEVEL:
+        if _FIRST_LEVEL <= level < 1.0 and r.state == _SUSPECT:
             _note_jerk(r, t, missing)
     if r.ring_n == 0:
         observe_coasting(r, memory.past_t[j], memory.past_q[j], t, q)
@@ -233,6 +233,9 @@ def advance(
             r = joints[j]
             runaways[j] = QUIET
             fresh[j] = False
+            if on_line:
+                # Also while the joint is not heard: it will have followed.
+                remember_command(r, memory.ring_t[j], memory.ring_c[j], t, commands[k, j])
             if not present[k, j]:
                 continue
             raw = q[k, j]
@@ -252,7 +255,7 @@ def advance(
                 r.has_sample = False
             r.dead = repeats_unlike_itself(r, t, raw, s.dead_s)
             note_good(r, t)
-            runaways[j] = _accept(memory, j, t, position, v[k, j], e[k, j], commands[k, j])
+            runaways[j] = _accept(memory, j, t, position, v[k, j], e[k, j])
             fresh[j] = True
         for j in range(n):
             r = joints[j]

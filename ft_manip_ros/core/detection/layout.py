@@ -52,6 +52,7 @@ _COUNTS = (
     'rebase_n',
     'noise_n',
     'rough_n',
+    'follow_n',
     'effort_n',
     'still_n',
     'contradictions',
@@ -108,6 +109,9 @@ _NUMBERS = (
     # noise
     'noise_var',
     'rough_var',
+    'follow_var',
+    'follow_1',
+    'follow_t',
     'quantum',
     # the stillness window
     'still_since',
@@ -118,6 +122,7 @@ _NUMBERS = (
     'c_lo',
     'c_hi',
     'missing',
+    'missing_since',
     'lag_used',
     'lag_low_used',
     'threshold',
@@ -135,7 +140,6 @@ _NUMBERS = (
     'last_jerk',
     'effort_envelope',
     # speed and braking of a joint without command
-    'speed',
     'stop_speed',
     'braking',
     # motion without or against the command, proof of health

@@ -8,8 +8,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ft_manip_ros.core.detection.states import CAUSE_TEXT, Cause, JointState, Report
-
-_NOISE_SAMPLES = 30  # before which a learned noise says nothing
+from ft_manip_ros.core.detection.tracking import noise_of
 
 
 def report_of(
@@ -34,11 +33,7 @@ def report_of(
         Turns a time of the record (s) into a stamp (ns), 0 for "never".
     """
     cause = CAUSE_TEXT[Cause(int(record['cause']))]
-    noise = math.nan
-    for count, variance in (('noise_n', 'noise_var'), ('rough_n', 'rough_var')):
-        if record[count] >= _NOISE_SAMPLES:
-            noise = math.sqrt(record[variance])
-            break
+    noise = noise_of(record)
     return Report(
         name=name,
         state=JointState(int(record['state'])),
@@ -53,7 +48,7 @@ def report_of(
         commanded_position=float(record['command']),
         residual=float(record['missing']),
         threshold=float(record['threshold']),
-        noise=noise,
+        noise=noise if noise > 0.0 or record['noise_n'] else math.nan,
         suspects=int(record['suspects']),
         previous=before,
         changed=changed,

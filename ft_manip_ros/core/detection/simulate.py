@@ -72,7 +72,7 @@ def random_arm(rng: np.random.Generator, n: int = 6, rate: float | None = None) 
         payload=np.deg2rad(rng.uniform(-1.0, 1.0, n) * grade),
         backlash=rng.uniform(0.0, 5e-5 + 2.5e-3 * grade, n),
         noise=10.0 ** rng.uniform(-6.5, -5.0 + 1.3 * grade, n),
-        quantum=rng.choice([0.0, 1e-6, 1.534e-5, 1e-4, 2 * np.pi / 4096 * grade], n),
+        quantum=rng.choice(np.array([0.0, 1e-6, 1.534e-5, 1e-4, 2 * np.pi / 4096 * grade]), n),
         jitter=float(rng.choice([0.0, 0.1, 0.25])),
         loss=float(rng.choice([0.0, 0.0, 0.02])),
     )

@@ -19,6 +19,7 @@ from ft_manip_ros.core.detection.tracking import command_at, noise_of, slack_of
 Array = NDArray[np.float64]
 
 _ANCHOR_SAMPLES = 4  # averaged to say where the joint stands
+_BEGUN = 0.1  # share of the threshold at which the evidence begins
 _HIGH_EFFORT_SHARE = 0.7  # of the threshold is enough when the effort speaks too
 
 
@@ -54,7 +55,8 @@ def observe_stillness(
     """Take one accepted sample; return True where it broke the window (the joint moved)."""
     base = least_band(r, s)
     r.band = max(base, s.still_fraction * r.missing)
-    slack = slack_of(r, s.slack_unproved_factor)
+    lasting = t - r.missing_since if r.missing > _BEGUN * r.threshold else 0.0
+    slack = slack_of(r, s.slack_unproved_factor, lasting)
     r.threshold = s.sensitivity * (slack + 3.0 * base)
     if r.still_n == 0:
         restart_window(r, t, q, lag_prior)
@@ -76,6 +78,11 @@ def observe_stillness(
         if not np.isnan(c):
             r.c_lo = min(r.c_lo, c)
             r.c_hi = max(r.c_hi, c)
+            if r.missing <= _BEGUN * r.threshold:
+                # Until the command leaves, the joint may have settled or sagged: it has to stand
+                # still from here on.
+                r.missing_since = t
+                r.still_q = r.late_mean
             r.missing = r.c_hi - r.c_lo
     if not np.isnan(v) and abs(r.command_speed) >= r.moving_speed:
         # A velocity that lives on and is no filter's tail contradicts the standing position.

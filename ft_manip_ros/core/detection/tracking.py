@@ -16,10 +16,12 @@ _SMALLEST_STEP = 1e-9  # rad or m: smaller differences are rounding, not encoder
 _NOISE_MEMORY = 500.0  # samples
 _LAG_MEMORY = 5.0  # s of motion
 _LAG_LEAST = 0.5  # s of motion before a lag is believed
-_TRUST_AFTER = 10.0  # s of motion until a joint's own tracking replaces the prior slack
+_TRUST_AFTER = 5.0  # s of motion until a joint's own tracking replaces the prior slack
 _ENVELOPE_MEMORY = 120.0  # s of motion
 _PACE = 20.0  # times the slowest motion: where lag begins to show
 _AS_GOOD = 1.1  # ratio of variances below which two lags explain the motion alike
+_QUICK = 1.5  # s within which loads do not change at all
+_WANDER = 3.0  # s within which loads do not change much
 _STICK_FACTOR = 1.5
 
 
@@ -35,6 +37,8 @@ def remember_command(r: Any, ring_t: Array, ring_c: Array, t: float, c: float) -
     if r.ring_n > 0:
         newest = (r.ring_head - 1) % RING
         dt = t - ring_t[newest]
+        if dt <= 0.0:
+            return
         if dt > 1.0:
             # A gap: nothing is known of the command in between.
             r.ring_n = 0
@@ -86,17 +90,21 @@ def noise_of(r: Any) -> float:
     """Learned standard deviation of the position noise; 0 before any is learned."""
     if r.noise_n >= 30:
         return np.sqrt(r.noise_var)
+    variance = np.inf
     if r.rough_n >= 30:
-        return np.sqrt(r.rough_var)
-    return 0.0
+        variance = r.rough_var
+    if r.follow_n >= 30:
+        variance = min(variance, r.follow_var)
+    return np.sqrt(variance) if variance < np.inf else 0.0
 
 
 @numba.njit(cache=True, nogil=True)
 def learn_noise(r: Any, t: float, q: float) -> None:
     """Learn quantum and noise from differences of consecutive healthy samples.
 
-    At rest first differences show the noise; in motion second ones do, once the sample rate is
-    high enough for the acceleration not to matter. Those at rest are preferred.
+    At rest first differences show the noise. In motion second ones do, once the sample rate is
+    high enough for the acceleration not to matter, and so do those of the tracking residual
+    (`learn_tracking`); both err upwards only. Those at rest are preferred.
     """
     d = q - r.q_1
     size = abs(d)
@@ -180,7 +188,22 @@ def learn_tracking(
     r.lag_high = max(lag + margin, lags[last])
     r.offset = mean[best]
     c = command_at(r, ring_t, ring_c, t - lag)
-    away = max(abs(q - c - r.offset) - 3.0 * noise_of(r), 0.0)
+    step = q - c - r.follow_1
+    if r.follow_t == r.t_1:
+        square = 0.5 * step * step
+        if r.follow_n > 30:
+            square = min(square, 25.0 * r.follow_var + r.quantum * r.quantum)
+        r.follow_n += 1
+        r.follow_var += (square - r.follow_var) / min(float(r.follow_n), _NOISE_MEMORY)
+    r.follow_1 = q - c
+    r.follow_t = t
+    # What no believable lag explains; lag itself is allowed for where evidence is weighed.
+    early = command_at(r, ring_t, ring_c, t - r.lag_low)
+    late = command_at(r, ring_t, ring_c, t - r.lag_high)
+    where = q - r.offset
+    if not np.isnan(late):
+        c = min(max(where, min(early, late)), max(early, late))
+    away = max(abs(where - c) - 3.0 * noise_of(r), 0.0)
     r.envelope = max(away, r.envelope * (1.0 - dt / _ENVELOPE_MEMORY))
     if not r.lag_known:
         r.lag_known = True
@@ -190,12 +213,22 @@ def learn_tracking(
 
 
 @numba.njit(cache=True, nogil=True)
-def slack_of(r: Any, unproved_factor: float) -> float:
-    """Commanded motion that this joint may swallow while healthy (rad or m)."""
+def slack_of(r: Any, unproved_factor: float, lasting: float) -> float:
+    """Commanded motion that this joint may swallow while healthy (rad or m).
+
+    Parameters
+    ----------
+    lasting
+        Time (s) for which its command has been moving on without it. A change of load within it
+        may hide slow motion: what was learned only counts for quick motion, and on joints whose
+        tracking is seen to wander the slack grows beyond the prior one.
+    """
     stick = _STICK_FACTOR * r.stick
     if r.ring_n == 0:
         return r.slack
     if not r.lag_known:
         return max(r.slack * unproved_factor, stick)
     prior = r.slack * max(0.0, 1.0 - r.moved_s / _TRUST_AFTER)
-    return max(min(max(max(r.slack_least, 2.0 * r.envelope), prior), r.slack), stick)
+    prior = max(prior, r.slack * min(lasting / _QUICK, 1.0))
+    most = r.slack * (1.0 + max(lasting - _WANDER, 0.0) / _WANDER)
+    return max(min(max(max(r.slack_least, 2.0 * r.envelope), prior), most), stick)
