@@ -97,8 +97,8 @@ def read(node: Node, spec: ParameterSpec) -> Any:
     Raises
     ------
     InputError
-        For NaN or infinity, which pass rclpy's range check, and for a string that is none of
-        the choices.
+        For NaN or infinity, in lists too, where no range excludes them, and for a string that is
+        none of the choices.
     """
     parameter = node.get_parameter_or(spec.name, None)
     if parameter is None or parameter.type_ == Parameter.Type.NOT_SET:
