@@ -76,7 +76,7 @@ def ik_work(n: int) -> IkWork:
 
 
 @njit(cache=True, nogil=True)
-def splitmix(state: int) -> int:
+def splitmix(state: int) -> np.uint64:
     """Next state of a counter-based generator (splitmix64: one constant is added per draw)."""
     return np.uint64(state) + np.uint64(0x9E3779B97F4A7C15)
 
