@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -110,27 +111,27 @@ class JointPath:
         if k < 0 or k >= len(self.times) - 1:
             row = 0 if k < 0 else -1
             return self.positions[row].copy(), np.zeros(len(self.joint_names))
-        h = float(self.times[k + 1] - self.times[k])
         t = time - float(self.times[k])
-        c = self._coefficients(k, h)
+        c = self._coefficients[k]
         powers = t ** np.arange(len(c))
         slopes = np.arange(1, len(c)) * powers[:-1]
         return powers @ c, slopes @ c[1:]
 
-    def _coefficients(self, k: int, h: float) -> Array:
-        """Coefficients (degree + 1, n), lowest power first, of the segment after point k."""
-        q, q_next = self.positions[k], self.positions[k + 1]
+    @cached_property
+    def _coefficients(self) -> Array:
+        """Polynomials of all segments, (T - 1, degree + 1, n), lowest power first."""
+        h = np.diff(self.times)[:, None]
+        q, dq = self.positions[:-1], np.diff(self.positions, axis=0)
         if self.velocities is None:
-            return np.array([q, (q_next - q) / h])
-        v, v_next = self.velocities[k], self.velocities[k + 1]
+            return np.stack([q, dq / h], axis=1)
+        v, dv = self.velocities[:-1], np.diff(self.velocities, axis=0)
         if self.accelerations is None:
-            dq, dv = q_next - q - v * h, v_next - v
-            return np.array([q, v, 3.0 * dq / h**2 - dv / h, dv / h**2 - 2.0 * dq / h**3])
-        a, a_next = self.accelerations[k], self.accelerations[k + 1]
-        dq = q_next - q - v * h - 0.5 * a * h**2
-        dv = v_next - v - a * h
-        da = a_next - a
-        return np.array(
+            dq = dq - v * h
+            return np.stack([q, v, 3.0 * dq / h**2 - dv / h, dv / h**2 - 2.0 * dq / h**3], axis=1)
+        a, da = self.accelerations[:-1], np.diff(self.accelerations, axis=0)
+        dq = dq - v * h - 0.5 * a * h**2
+        dv = dv - a * h
+        return np.stack(
             [
                 q,
                 v,
@@ -138,5 +139,6 @@ class JointPath:
                 (10.0 * dq - 4.0 * dv * h + 0.5 * da * h**2) / h**3,
                 (-15.0 * dq + 7.0 * dv * h - da * h**2) / h**4,
                 (6.0 * dq - 3.0 * dv * h + 0.5 * da * h**2) / h**5,
-            ]
+            ],
+            axis=1,
         )
