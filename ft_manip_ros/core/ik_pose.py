@@ -232,8 +232,8 @@ def descend_pose(
             return CONVERGED, steps, distance, angle
         cost = distance * distance + (weight * angle) ** 2
         if steps == judged:
-            # Written so that a NaN also ends the descent.
-            if not cost <= RATIO * mark:
+            # Written so that overflow and NaN also end the descent.
+            if not (cost <= RATIO * mark and cost < np.inf):
                 return STALLED, steps, distance, angle
             mark = cost
             judged += WINDOW

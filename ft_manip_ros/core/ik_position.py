@@ -74,8 +74,8 @@ def descend_position(
         if cost <= enough:
             return CONVERGED, steps, math.sqrt(cost)
         if steps == judged:
-            # Written so that a NaN also ends the descent.
-            if not cost <= RATIO * mark:
+            # Written so that overflow and NaN also end the descent.
+            if not (cost <= RATIO * mark and cost < np.inf):
                 return STALLED, steps, math.sqrt(cost)
             mark = cost
             judged += WINDOW

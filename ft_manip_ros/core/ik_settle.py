@@ -49,7 +49,7 @@ def _cost(
 def _second_order(
     chain: ChainArrays, frozen: NDArray[np.bool_], mode: int, q: Array, work: IkWork
 ) -> float:
-    """Write gradient (in ``step``) and Hessian of half the cost; returns the largest diagonal.
+    """Write gradient (in ``step``) and Hessian of half the cost; returns its largest entry.
 
     The Hessian is J^T J minus the curvature of the position, r . d2p/dq_i dq_j with
     d2p/dq_i dq_j = z_i x J_j for i <= j; that of the rotation is left out. Joints that may not
@@ -80,13 +80,12 @@ def _second_order(
                     x, y, z = work.axes[i]
                     u, v, w = columns[j, 0], columns[j, 1], columns[j, 2]
                     s -= r[0] * (y * w - z * v) + r[1] * (z * u - x * w) + r[2] * (x * v - y * u)
+            # Overflow and NaN count as infinite.
+            largest = max(largest, abs(s)) if abs(s) < np.inf else np.inf
             if i < j:
                 h[i, j] = s
-            elif work.free[i]:
-                work.diagonal[i] = s
-                largest = max(largest, abs(s))
             else:
-                work.diagonal[i] = 1.0
+                work.diagonal[i] = s if work.free[i] else 1.0
     return largest
 
 
@@ -159,8 +158,11 @@ def settle(
         largest = _second_order(chain, frozen, mode, q, work)
         if largest == 0.0:
             return LOCAL_MINIMUM, steps, distance, angle
+        if not (cost < np.inf and largest < np.inf):
+            return ITERATION_LIMIT, steps, distance, angle
         for i in range(n):
             work.trial[i] = work.step[i]
+        # Ends, since a shift beyond all entries makes any matrix positive definite.
         while not _newton_step(shift, work):
             shift = max(4.0 * shift, 1e-4 * largest)
             for i in range(n):

@@ -117,3 +117,15 @@ def test_half_a_turn_off_is_no_trap() -> None:
         goal = Goal(position, rotation @ np.diag(np.array(flip, dtype=float)))
         assert solve_ik(chain, goal, start=start).converged
         assert solve_ik(chain, Goal(position, goal.orientation, True), start=start).converged
+
+
+@pytest.mark.parametrize('metres', [1e3, 1e9, 1e150, 1e155, 1.7e308])
+@pytest.mark.parametrize('arm', ['paredis_table_1', 'paredis_table_3'])
+def test_absurdly_far_goals_end_with_a_posture_within_limits(arm: str, metres: float) -> None:
+    chain = load_arm(arm)
+    for orientation in (None, np.eye(3)):
+        result = solve_ik(chain, Goal([metres, 0.0, -metres], orientation))
+        assert not result.converged
+        assert (result.q >= chain.lower).all()
+        assert (result.q <= chain.upper).all()
+        assert result.position_error > 0.9 * metres
