@@ -79,12 +79,12 @@ def run() -> None:
     _row('fault published -> plan published', [_of_plan(r) for r in records])
     _row('  of which computing', [r.compute_time for r in records])
     _row('lock -> plan published', [r.plan_latency for r in records])
-    problems = [problem for r in records for problem in r.problems()]
+    problems = [f'seed {k}: {p}' for k, r in enumerate(records) for p in r.problems()]
     points = [p for r in records for p in r.points if p.planned]
     print(
         f'{len(points)} points after failures, worst {max(p.error for p in points) * 1e3:.3f} mm'
     )
-    print(f'contradictions: {len(problems)} {problems[:3]}')
+    print(f'contradictions: {len(problems)}', *problems, sep='\n  ')
     ratio = np.median([_of_plan(r) for r in records]) / np.median(trips)
     print(f'fault -> plan takes {ratio:.1f} x a bare Trigger round trip (medians)')
 

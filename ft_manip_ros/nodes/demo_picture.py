@@ -22,7 +22,7 @@ from ft_manip_ros.nodes.demo_record import Point, Record
 _ARM, _GHOST, _LOCKED, _GOOD = '#27476e', '#a9bdd6', '#d1292c', '#22893f'
 _PANELS = 3
 # Where the names of points stand beside them, in turn (pt).
-_LABELS = ((0.0, 19.0), (0.0, -19.0), (22.0, 10.0), (-22.0, 10.0))
+_LABELS = ((0.0, 30.0), (0.0, -30.0), (32.0, 18.0), (-32.0, -18.0), (32.0, -18.0))
 
 
 def draw(record: Record, path: Path) -> None:
@@ -151,6 +151,7 @@ def _draw_point(axes: Any, k: int, point: Point, *, done: bool) -> None:
         ha='center',
         va='center',
         zorder=40,
+        arrowprops={'arrowstyle': '-', 'color': color, 'lw': 0.8},
     )
     label.set_path_effects([withStroke(linewidth=3, foreground='white')])
 
@@ -169,7 +170,7 @@ def _same_box(plots: list[Any], record: Record) -> None:
         axes.set_box_aspect((1, 1, 1), zoom=1.15)
         axes.set_xlabel('x (m)', labelpad=-6, fontsize=9)
         axes.set_ylabel('y (m)', labelpad=-6, fontsize=9)
-        axes.set_zlabel('z (m)', labelpad=-6, fontsize=9)
+        axes.set_zlabel('z (m)', labelpad=-9, fontsize=9)
         axes.tick_params(labelsize=7, pad=-2)
         axes.locator_params(nbins=5)
         axes.view_init(elev=22.0, azim=-60.0)

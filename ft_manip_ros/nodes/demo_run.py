@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+
 import numpy as np
 
 from ft_manip_interfaces.msg import GoalReport, JointFault, RecoveryPlan
@@ -13,10 +15,9 @@ from ft_manip_ros.nodes import topics
 from ft_manip_ros.nodes.conversions import (
     nanoseconds,
     path_from_message,
-    seconds,
     task_to_message,
 )
-from ft_manip_ros.nodes.demo_observer import Observer, StoryError
+from ft_manip_ros.nodes.demo_observer import Observer, SilenceError, StoryError
 from ft_manip_ros.nodes.demo_record import Point, Record
 from ft_manip_ros.nodes.demo_timeline import Timeline
 
@@ -27,6 +28,7 @@ _LEAST_WAY = 0.15
 _LEAD = 0.4
 _SECOND = 1_000_000_000
 _SETTLING = 0.6  # s, after the last planned motion
+_PROOF_TIME = 5.0  # s
 _FATES = {
     GoalReport.REACHABLE: 'reachable',
     GoalReport.RELAXED: 'relaxed',
@@ -142,17 +144,26 @@ def _watch(record: Record, observer: Observer, timeline: Timeline) -> None:
     record.plan_status, record.plan_reason = _STATUSES[plan.status], plan.reason
     timeline.line('replanner', f'{record.plan_status}: {plan.reason}')
     observer.until(lambda: _finished(observer), 120.0, 'the end of the motion')
+    if not _decided(observer):
+        # Proofs that a point is lost are worked out after the plan has left.
+        with contextlib.suppress(SilenceError):
+            observer.until(lambda: _decided(observer), _PROOF_TIME, 'proofs')
 
 
 def _finished(observer: Observer) -> bool:
-    """Whether the newest plan's motion is over and the arm has settled."""
-    if not observer.states:
-        return False
-    message = observer.plans[-1][1].trajectory
-    duration = seconds(message.points[-1].time_from_start) if message.points else 0.0
-    end = nanoseconds(message.header.stamp) or observer.plans[-1][0]
-    end += round((duration + _SETTLING) * _SECOND)
-    return nanoseconds(observer.states[-1].header.stamp) >= end
+    """Whether the newest motion is over and the arm has settled."""
+    end = observer.plans[-1][0]
+    if observer.trajectories:
+        heard, message = observer.trajectories[-1]
+        start = nanoseconds(message.header.stamp) or heard
+        end = max(end, start + nanoseconds(message.points[-1].time_from_start))
+    settled = end + round(_SETTLING * _SECOND)
+    return bool(observer.states) and nanoseconds(observer.states[-1].header.stamp) >= settled
+
+
+def _decided(observer: Observer) -> bool:
+    """Whether the newest report leaves no goal undecided."""
+    return all(goal.outcome != GoalReport.UNDECIDED for goal in observer.plans[-1][1].goals)
 
 
 def _measure(record: Record, observer: Observer) -> None:
