@@ -50,6 +50,9 @@ def add_parser(subparsers: Any) -> None:
     parser.add_argument(
         '--time-budget', type=float, default=defaults.time_budget, help='when to give up (s)'
     )
+    parser.add_argument(
+        '--max-segments', type=int, default=0, help='units of work to give up after (0: no end)'
+    )
     parser.add_argument('--workers', type=int, default=1, help='searches side by side')
     parser.add_argument(
         '--executor', choices=EXECUTORS, default=defaults.executor, help='what the workers are'
@@ -93,6 +96,7 @@ def run(args: argparse.Namespace) -> int:
         method=args.method,
         seed=args.seed,
         time_budget=args.time_budget,
+        max_segments=args.max_segments,
         workers=args.workers,
         executor=args.executor,
         scheduler=args.scheduler,

@@ -29,7 +29,8 @@ _COLORS = {
     Verdict.NON_MEMBER: '#f2d9d9',
     Verdict.UNDECIDED: '#f0b429',
 }
-_RESTARTS = 8
+# Generous: a posture overlooked would be drawn as a goal out of reach.
+_RESTARTS = 150
 
 
 def write_report(
@@ -38,7 +39,7 @@ def write_report(
     result: DesignResult,
     penalties: Sequence[float],
     *,
-    cells: int = 25,
+    cells: int = 21,
 ) -> None:
     """Write the picture as PNG.
 
@@ -157,7 +158,7 @@ def _draw_slice(axes: Any, problem: DesignProblem, result: DesignResult, cells: 
     direction = direction / length if length > 1e-9 else np.array([1.0, 0.0, 0.0])
     rho, z = (grid.ravel() for grid in np.meshgrid(radii, heights))
     points = rho[:, None] * direction + z[:, None] * np.array([0.0, 0.0, 1.0])
-    settings = FtwsSettings(intervals=False, margin=False, boxes=2000)
+    settings = FtwsSettings(intervals=False, margin=False, boxes=500)
     results = query(chain, points, order=problem.spec.order, settings=settings, threads=2)
     for verdict, color in _COLORS.items():
         chosen = np.array([r.verdict is verdict for r in results])

@@ -159,7 +159,8 @@ class DaskWorkers:
 
     def close(self) -> None:
         """Cancel what is under way and leave the cluster."""
-        self._pool.shutdown(wait=False, cancel_futures=True)
+        # Without waiting, Dask's executor cancels what it holds.
+        self._pool.shutdown(wait=False)
         self._client.close()
 
 
