@@ -169,8 +169,10 @@ build_package() {
     [ -n "${3:-}" ] || rm -rf "$root/build/$package" "$root/install/$package"
     mkdir -p "$logs" "$root/install"
     (
-        # Not what an outer make says about its own jobs.
-        unset MAKEFLAGS MAKELEVEL MFLAGS
+        # Not what an outer make says about its own jobs, and however busy the machine is.
+        unset MAKELEVEL MFLAGS
+        MAKEFLAGS=-j$(nproc)
+        export MAKEFLAGS
         if [ "$mode" = wheels ]; then
             export AMENT_PREFIX_PATH=$venv CMAKE_PREFIX_PATH=$venv PYTHONPATH=''
             export COLCON_DEFAULTS_FILE=$venv/colcon_defaults.yaml
