@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 
 from nav_msgs.msg import Path
-from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header, String
 from trajectory_msgs.msg import JointTrajectory
@@ -17,19 +16,19 @@ from visualization_msgs.msg import MarkerArray
 from ft_manip_interfaces.msg import FaultState, RecoveryPlan
 from ft_manip_interfaces.msg import Task as TaskMessage
 from ft_manip_ros.core.errors import InputError
-from ft_manip_ros.core.planning.decision import Decision, ExecutiveSettings
+from ft_manip_ros.core.planning.collision import CollisionChecker
+from ft_manip_ros.core.planning.collision_setup import make_checker
+from ft_manip_ros.core.planning.decision import Decision
 from ft_manip_ros.core.planning.executive import Executive
 from ft_manip_ros.core.planning.limits import joint_limits_yaml
 from ft_manip_ros.core.planning.plan import Plan
 from ft_manip_ros.core.planning.proof import Proof, needs_proof, prove
-from ft_manip_ros.core.planning.settings import Order, PlanSettings, Policy, Relaxation
 from ft_manip_ros.core.planning.warm_up import warm_up
 from ft_manip_ros.core.urdf_writer import chain_to_urdf
 from ft_manip_ros.nodes import topics
 from ft_manip_ros.nodes.arm_model import load_arm_parameter
 from ft_manip_ros.nodes.conversions import nanoseconds, task_from_message
 from ft_manip_ros.nodes.managed_node import ManagedNode
-from ft_manip_ros.nodes.parameters import ARM_PARAMETERS, ParameterSpec
 from ft_manip_ros.nodes.plan_messages import (
     frozen_from_message,
     goal_markers,
@@ -37,6 +36,12 @@ from ft_manip_ros.nodes.plan_messages import (
     tool_path,
 )
 from ft_manip_ros.nodes.process import run
+from ft_manip_ros.nodes.replanner_parameters import (
+    PARAMETERS,
+    collision_options,
+    planning_settings,
+    watching_settings,
+)
 
 TASK_PLAN = 'replanner/task_plan'  # RecoveryPlan for the healthy arm, latched
 REDUCED = 'replanner/reduced_description'  # std_msgs/String, URDF of the ROD, latched
@@ -44,78 +49,6 @@ LIMITS = 'replanner/joint_limits'  # std_msgs/String, limits of the ROD as MoveI
 TOOL_PATH = 'replanner/path'  # nav_msgs/Path, latched
 
 _PROOF_POLL = 0.02  # s
-
-PARAMETERS = (
-    *ARM_PARAMETERS,
-    ParameterSpec(
-        'policy',
-        Policy.FINISH_REACHABLE.value,
-        'What to do when a joint has failed.',
-        choices=tuple(policy.value for policy in Policy),
-    ),
-    ParameterSpec(
-        'order',
-        Order.GIVEN.value,
-        'In which order to visit the goals that remain.',
-        choices=tuple(order.value for order in Order),
-    ),
-    ParameterSpec(
-        'accepted_relaxations',
-        Parameter.Type.STRING_ARRAY,
-        'With which relaxations a goal may still be visited: '
-        + ', '.join(repr(relaxation.value) for relaxation in Relaxation)
-        + '; with others it is only reported.',
-    ),
-    ParameterSpec('postures', 8, 'Postures to look for per goal.', '', 1, 64),
-    ParameterSpec('attempts', 24, 'Solver starts per goal.', '', 1, 10_000),
-    ParameterSpec(
-        'proof_boxes',
-        50_000,
-        'Branch-and-bound boxes per goal to prove it lost, after the plan has left.',
-        '',
-        1,
-        100_000_000,
-    ),
-    ParameterSpec('dwell', 0.2, 'Rest at each goal.', 's', 0.0, 60.0),
-    ParameterSpec(
-        'rate_scale',
-        0.95,
-        'Share of the speed, acceleration and jerk limits to use.',
-        '',
-        0.01,
-        1.0,
-    ),
-    ParameterSpec('jerk_time', 0.1, 'Time to build up full acceleration.', 's', 0.001, 10.0),
-    ParameterSpec(
-        'sample_period', 0.1, 'Longest time between two trajectory points.', 's', 0.001, 1.0
-    ),
-    ParameterSpec(
-        'limit_weight',
-        0.0,
-        'What a posture at a joint limit costs more than one in the middle of all ranges.',
-        's',
-        0.0,
-        1000.0,
-    ),
-    ParameterSpec('seed', 0, 'Seed of the random solver starts.', '', 0, 2**31 - 1),
-    ParameterSpec(
-        'state_timeout',
-        0.5,
-        'A measured state older than this is not planned from.',
-        's',
-        0.01,
-        60.0,
-    ),
-    ParameterSpec(
-        'patience',
-        1.0,
-        'How long after the last arrival missed goals are tried again.',
-        's',
-        0.1,
-        60.0,
-    ),
-    ParameterSpec('retries', 2, 'How often missed goals are tried again.', '', 0, 100),
-)
 
 
 class Replanner(ManagedNode):
@@ -127,26 +60,10 @@ class Replanner(ManagedNode):
     def configure(self) -> None:
         """Load the arm, read the settings, open the topics."""
         self._chain = load_arm_parameter(self)
-        self._settings = PlanSettings(
-            policy=Policy(self.param('policy')),
-            order=Order(self.param('order')),
-            accepted=frozenset(_relaxation(name) for name in self.param('accepted_relaxations')),
-            postures=self.param('postures'),
-            attempts=self.param('attempts'),
-            proof_boxes=self.param('proof_boxes'),
-            dwell=self.param('dwell'),
-            rate_scale=self.param('rate_scale'),
-            jerk_time=self.param('jerk_time'),
-            sample_period=self.param('sample_period'),
-            limit_weight=self.param('limit_weight'),
-            seed=self.param('seed'),
+        self._settings = planning_settings(self)
+        self._executive = Executive(
+            self._chain, self._settings, watching_settings(self), self._checker()
         )
-        watching = ExecutiveSettings(
-            state_timeout=self.param('state_timeout'),
-            patience=self.param('patience'),
-            retries=self.param('retries'),
-        )
-        self._executive = Executive(self._chain, self._settings, watching)
         self._frame = ''
         self._described: dict[str, float] = {}
         self._trajectories = self.advertise(
@@ -167,6 +84,19 @@ class Replanner(ManagedNode):
         self.subscribe(JointState, topics.JOINT_STATES, self._on_joint_state, topics.SENSOR_QOS)
         self.subscribe(TaskMessage, topics.TASK, self._on_task, topics.LATCHED_QOS)
         self.subscribe(FaultState, topics.FAULT_STATE, self._on_fault_state, topics.LATCHED_QOS)
+
+    def _checker(self) -> CollisionChecker | None:
+        options = collision_options(self)
+        if options is None:
+            return None
+        arm, base = self.param('arm'), self.param('base') or None
+        checker = make_checker(self._chain, arm, base, options)
+        bodies = checker.bodies
+        self.get_logger().info(
+            f'collision: {bodies.source}, {len(bodies.geometry.collisionPairs)} pairs; touching '
+            f'in nearly every posture and so not checked: {len(bodies.ignored)}'
+        )
+        return checker
 
     def warm_up(self) -> None:
         """Compile what a fault will need."""
@@ -260,16 +190,6 @@ class Replanner(ManagedNode):
                     f'{" with " + outcome.relaxation if outcome.relaxation else ""}: '
                     f'{outcome.reason}'
                 )
-
-
-def _relaxation(name: str) -> Relaxation:
-    try:
-        return Relaxation(name)
-    except ValueError:
-        raise InputError(
-            'parameter accepted_relaxations',
-            f'has {name!r}; known are {", ".join(repr(r.value) for r in Relaxation)}',
-        ) from None
 
 
 def main(args: Sequence[str] | None = None) -> int:

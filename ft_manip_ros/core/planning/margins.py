@@ -10,6 +10,9 @@ from ft_manip_ros.core.chain import Array, SerialChain
 from ft_manip_ros.core.goal import Goal
 from ft_manip_ros.core.kinematics import fk, jacobian
 
+# Share of the largest singular value of a Jacobian below which it counts as singular.
+_SINGULAR = 1e-9
+
 
 def tool_errors(chain: SerialChain, q: Array, goal: Goal) -> tuple[float, float]:
     """Distance (m) and angle (rad) between the tool at posture ``q``, (n,), and a goal.
@@ -48,9 +51,11 @@ def posture_margin(chain: SerialChain, q: Array, frozen: Collection[str]) -> flo
     """
     healthy = [i for i, name in enumerate(chain.joint_names) if name not in frozen]
     moves = jacobian(chain, q)[:3, healthy]
-    if np.linalg.matrix_rank(moves) < 3:
+    _, sizes, directions = np.linalg.svd(moves, full_matrices=False)
+    if len(sizes) < 3 or sizes[2] <= _SINGULAR * max(sizes[0], 1.0):
         return 0.0
-    effort = np.linalg.norm(np.linalg.pinv(moves), axis=1)
+    # Rows of the pseudo-inverse: what each joint does for a metre of tool motion.
+    effort = np.linalg.norm(directions / sizes[:, None], axis=0)
     slack = np.minimum(q - chain.lower, chain.upper - q)[healthy]
     slack = np.where(chain.arrays.wraps[healthy], np.inf, np.maximum(slack, 0.0))
     return float(np.min(slack / np.maximum(effort, 1e-12)))

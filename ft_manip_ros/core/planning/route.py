@@ -91,7 +91,9 @@ def plan_route(
     def first_times(goal: int) -> Array:
         return _first_times(groups[goal], q, v, here[healthy], scaled, hard, halt)
 
-    extra = [settings.limit_weight * limit_closeness(group, scaled) for group in groups]
+    extra = [np.zeros(len(group)) for group in groups]
+    if settings.limit_weight > 0.0:
+        extra = [settings.limit_weight * limit_closeness(group, scaled) for group in groups]
     way = WayFinder(
         groups, first_times, extra, scaled, here, healthy, checker, settings.seed
     ).find()

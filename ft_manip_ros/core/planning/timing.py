@@ -218,7 +218,13 @@ def _turning_times(profile: ruckig.Profile) -> list[float]:
     times = []
     begin = 0.0
     for part in (profile.brake, profile, profile.accel):
-        for v, a, j, length in zip(part.v, part.a, part.j, part.t, strict=False):
+        speeds, rates = part.v, part.a
+        for k, (j, length) in enumerate(zip(part.j, part.t, strict=True)):
+            v, a = speeds[k], rates[k]
+            v_end, a_end = v + (a + 0.5 * j * length) * length, a + j * length
+            if v * v_end > 0.0 and a * a_end >= 0.0:
+                begin += length
+                continue
             for root in _roots(0.5 * j, a, v):
                 if 0.0 < root < length:
                     times.append(begin + root)
