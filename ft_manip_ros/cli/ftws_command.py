@@ -8,10 +8,15 @@ import os
 from typing import Any
 
 import numpy as np
+from tqdm import tqdm
 
 from ft_manip_ros.core.arm_file import load_arm
+from ft_manip_ros.core.chain import SerialChain
 from ft_manip_ros.core.errors import InputError
 from ft_manip_ros.core.ftws.certificate import certify, save_certificate
+from ft_manip_ros.core.ftws.map_build import build_map
+from ft_manip_ros.core.ftws.map_frame import GRIDS, map_frame
+from ft_manip_ros.core.ftws.map_plot import plot_map
 from ft_manip_ros.core.ftws.point_file import read_points
 from ft_manip_ros.core.ftws.query import query
 from ft_manip_ros.core.ftws.settings import FtwsSettings
@@ -45,12 +50,30 @@ def add_parser(subparsers: Any) -> None:
     parser.add_argument('--threads', type=int, default=os.cpu_count() or 1)
     parser.add_argument('--margin', action='store_true', help='also find the proved ball')
     parser.add_argument('--certificate', metavar='FILE', help='keep the proofs (JSON)')
+    _add_map_options(parser.add_argument_group('maps'))
     parser.add_argument('--json', action='store_true', help='one JSON object a line')
+
+
+def _add_map_options(group: Any) -> None:
+    group.add_argument(
+        '--grid', choices=GRIDS, help='map a slice, the half plane of revolution, or a volume'
+    )
+    group.add_argument('--at', type=float, default=0.0, help="a slice's third coordinate (m)")
+    group.add_argument(
+        '--bounds', nargs='+', type=float, metavar='V', help='LOW HIGH of each coordinate (m)'
+    )
+    group.add_argument('--depth', type=int, default=7, help='2^DEPTH cells a coordinate')
+    group.add_argument('--plot', metavar='OUT.png', help='picture of the map')
+    group.add_argument('--map', metavar='OUT', help='write the map, .npz or .csv')
 
 
 def run(args: argparse.Namespace) -> int:
     """Judge and print."""
     arm = load_arm(args.arm, base=args.base, tip=args.tip)
+    if args.grid:
+        return _run_map(args, arm)
+    if args.plot or args.map:
+        raise InputError('--grid', f'is missing; --plot and --map need one of {", ".join(GRIDS)}')
     points = [_row(values) for values in args.point]
     if args.points:
         points.extend(read_points(args.points))
@@ -74,6 +97,47 @@ def run(args: argparse.Namespace) -> int:
         ):  # fmt: skip
             print(json.dumps(result.to_json()) if args.json else describe(result), flush=True)
     return 0
+
+
+def _run_map(args: argparse.Namespace, arm: SerialChain) -> int:
+    """Build, measure and write a map."""
+    if args.point or args.points or args.certificate:
+        raise InputError('--grid', 'maps a region; ask about points without it')
+    if args.mode != 'position':
+        raise InputError('--mode', f'is {args.mode!r}; maps are of positions')
+    frame = map_frame(arm, args.grid, args.at)
+    bounds = args.bounds or []
+    if bounds and len(bounds) != 2 * frame.dimension:
+        raise InputError('--bounds', f'needs {2 * frame.dimension} numbers for --grid {args.grid}')
+    with tqdm(unit='cell', disable=None) as bar:
+
+        def progress(done: int, total: int) -> None:
+            bar.total = total
+            bar.n = done
+            bar.refresh()
+
+        ftws_map = build_map(
+            arm, frame, low=bounds[::2] or None, high=bounds[1::2] or None, depth=args.depth,
+            order=args.order, tolerance=args.tolerance, threads=args.threads, progress=progress,
+        )  # fmt: skip
+    lower, upper = ftws_map.measure()
+    if args.map:
+        ftws_map.save(args.map)
+    if args.plot:
+        plot_map(ftws_map, args.plot)
+    if args.json:
+        print(
+            json.dumps(
+                {'grid': args.grid, 'lower': lower, 'upper': upper, 'complete': ftws_map.complete}
+            )
+        )
+    else:
+        what = 'area' if args.grid in ('xy', 'xz', 'yz') else 'volume'
+        unit = 'm^2' if what == 'area' else 'm^3'
+        print(f'{what} proved between {lower:.6g} and {upper:.6g} {unit}')
+        if not ftws_map.complete:
+            print('interrupted: the map is right but coarse')
+    return 0 if ftws_map.complete else 130
 
 
 def _row(values: list[float]) -> list[float]:

@@ -10,6 +10,7 @@ import numpy as np
 
 from ft_manip_ros.core.chain import Array, SerialChain
 from ft_manip_ros.core.errors import InputError
+from ft_manip_ros.core.ftws.dextrous import judge_dextrous
 from ft_manip_ros.core.ftws.engine import run_engine
 from ft_manip_ros.core.ftws.judge import MEMBER, NON_MEMBER, Effort
 from ft_manip_ros.core.ftws.problem import Problem, goal_rows, prepare
@@ -110,6 +111,8 @@ def judge_one(
             surviving_fraction=dict.fromkeys(failing(problem), 0.0) if problem.order == 1 else {},
             elapsed_s=time.perf_counter() - started,
         )
+    if problem.mode == 'dextrous':
+        return _judge_dextrous(problem, goal, settings, started)
     combos, k = problem.combos, problem.order
     effort = settings.effort(problem.oriented, problem.task.length)
     judged = run_engine(problem, goal[None], effort, _NO_PIECES if pieces is None else pieces)
@@ -153,6 +156,26 @@ def judge_one(
     )  # fmt: skip
 
 
+def _judge_dextrous(
+    problem: Problem, goal: Array, settings: FtwsSettings, started: float
+) -> FtwsResult:
+    x, y, z = goal[:3].tolist()
+    answer = judge_dextrous(problem, goal, settings.effort(problem.oriented, problem.task.length))
+    verdict = {MEMBER: Verdict.MEMBER, NON_MEMBER: Verdict.NON_MEMBER}.get(
+        answer.code, Verdict.UNDECIDED
+    )
+    joints = problem.combos[answer.combo] if answer.combo >= 0 else []
+    return FtwsResult(
+        (x, y, z),
+        verdict,
+        answer.reason,
+        tuple(problem.chain.joint_names[j] for j in joints),
+        answer.angles,
+        answer.residual,
+        elapsed_s=time.perf_counter() - started,
+    )
+
+
 def proved_ball(problem: Problem, goal: Array, effort: Effort) -> float:
     """Radius (m) of a ball around a member that is proved as a whole; 0 if none was found.
 
@@ -179,7 +202,7 @@ def distance_off_plane(problem: Problem, goal: Array) -> float:
     if problem.plane is None:
         return 0.0
     off = abs(float(problem.plane.normal @ goal[:3]) - problem.plane.height)
-    if problem.oriented:
+    if problem.mode == 'pose':
         w, v = goal[3], goal[4:]
         rotation = fk(problem.chain, np.zeros(problem.chain.n))[0]
         # The goal's tool has to carry the same body axis along the plane's normal.

@@ -19,7 +19,9 @@ _DEPTH = 16
 _BALLS = 14
 _ROUNDING = 1e-11
 _BATCH = 4096
-_MOST_BOXES = 500_000
+# Boxes at once, and for each piece, before a piece counts as not proved.
+_MOST_BOXES = 10_000
+_BOXES_PER_PIECE = 60
 
 
 class NotConfirmedError(Exception):
@@ -112,6 +114,7 @@ def _first_unproved(
     the frozen positions of a box that was not proved, or None.
     """
     free = [i for i in range(arm.n) if i not in combo]
+    most = max(_MOST_BOXES, _BOXES_PER_PIECE * len(q))
     for depth in range(_DEPTH + 1):
         q = arm.correct(q, free, target)
         residual = arm.residuals(q, target)
@@ -143,7 +146,7 @@ def _first_unproved(
         q, half, tangent = q[~proved], half[~proved], tangent[~proved]
         if not len(q):
             return None
-        if depth == _DEPTH or len(q) > _MOST_BOXES:
+        if depth == _DEPTH or len(q) > most:
             break
         rows = np.arange(len(q))
         side = np.argmax(half, axis=1)

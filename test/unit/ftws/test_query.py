@@ -150,9 +150,7 @@ def test_operating_limits_bound_where_joints_freeze():
         arm,
         joints=tuple(
             replace(joint, operating_lower=lo, operating_upper=hi)
-            for joint, (lo, hi) in zip(
-                arm.joints, [(-0.5, 0.5), (0.5, 1.5), (0.5, 1.5)], strict=True
-            )
+            for joint, (lo, hi) in zip(arm.joints, ranges, strict=True)
         ),
     )
     point = [[1.5, 0.0, 0.0]]
@@ -182,3 +180,25 @@ def test_malformed_questions_name_the_field(points, options, field):
     with pytest.raises(InputError) as error:
         query(table_1(), points, **options)
     assert error.value.field == field
+
+
+def test_dextrous_planar_arms_are_covered_in_every_orientation():
+    arm = load_arm('planar_5r')
+    assert verdicts(arm, [[1.0, 0.5, 0.0], [2.1, 0.0, 0.0]], mode='dextrous') == [
+        MEMBER,
+        NON_MEMBER,
+    ]
+    # With a last link of its own length, far points are lost in some orientation only.
+    arm = planar(1.0, 1.0, 1.0, 1.0, 0.5)
+    answer = query(arm, np.array([[1.8, 0.0, 0.0]]), mode='dextrous', settings=VERDICT_ONLY)[0]
+    assert answer.verdict is NON_MEMBER and 'orientation' in answer.reason
+
+
+def test_table_2_in_sampled_orientations():
+    arm = load_arm('paredis_table_2')
+    inside, outside = query(
+        arm, np.array([[1.0, 0.0, 0.5], [2.4, 0.0, 0.0]]), mode='dextrous', settings=VERDICT_ONLY
+    )
+    assert inside.verdict is Verdict.UNDECIDED and 'sampled evidence' in inside.reason
+    assert '24 of 24' in inside.reason
+    assert outside.verdict is NON_MEMBER

@@ -1,0 +1,189 @@
+"""FTWS: proved verdicts beside sampled ones, growth with joints and order, maps."""
+
+from __future__ import annotations
+
+import time
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bench.figures import limited
+from bench.ftws_rivals import sampled_verdicts, scipy_verdict
+from ft_manip_ros.core.arm_file import load_dh
+from ft_manip_ros.core.chain import Array, Joint, SerialChain
+from ft_manip_ros.core.dh import DhTable
+from ft_manip_ros.core.ftws.map_build import build_map
+from ft_manip_ros.core.ftws.map_frame import map_frame
+from ft_manip_ros.core.ftws.problem import Problem, prepare
+from ft_manip_ros.core.ftws.query import query, warm_up
+from ft_manip_ros.core.ftws.settings import FtwsSettings
+from ft_manip_ros.core.ftws.templates import VOLUME
+from ft_manip_ros.core.ftws.verdict import Verdict
+
+VERDICT = FtwsSettings(intervals=False)
+THREADS = 2
+SCIPY_POINTS = 3
+
+
+def run() -> None:
+    """Print all tables."""
+    slices()
+    closed_form()
+    growth()
+    maps()
+
+
+def slice_points() -> Array:
+    """27 x 21 points of the x-z half plane."""
+    x, z = np.meshgrid(np.linspace(0.0, 2.6, 27), np.linspace(-2.0, 2.0, 21), indexing='ij')
+    return np.stack([x.ravel(), np.zeros(x.size), z.ravel()], axis=1)
+
+
+def slices() -> None:
+    """Certified against sampled verdicts on slices of Table 1."""
+    print(f'27 x 21 slice of Table 1, {THREADS} threads; ms a point = wall time / points')
+    print('limits   members  lost  open | proved: mean  median  p99 | sampled compiled  scipy')
+    points = slice_points()
+    for degrees in (180.0, 170.0, 160.0):
+        chain = limited('paredis_table_1', degrees)
+        warm_up(chain)
+        problem = prepare(chain, 'position', 1)
+        begin = time.perf_counter()
+        answers = query(chain, points, settings=VERDICT, threads=THREADS)
+        wall = (time.perf_counter() - begin) / len(points) * 1e3
+        alone = query(chain, points, settings=VERDICT)
+        times = np.array([answer.elapsed_s for answer in alone]) * 1e3 / THREADS
+        goals = np.zeros((len(points), 7))
+        goals[:, :3], goals[:, 3] = points, 1.0
+        verdicts = np.zeros(len(points), dtype=np.int64)
+        sampled_verdicts(problem.arrays, problem.task, goals[:1], verdicts[:1])
+        halves = [np.arange(i, len(points), THREADS) for i in range(THREADS)]
+
+        def part(
+            rows: NDArray[np.int64], goals: Array = goals, problem: Problem = problem
+        ) -> NDArray[np.int64]:
+            out = np.zeros(len(rows), dtype=np.int64)
+            sampled_verdicts(problem.arrays, problem.task, goals[rows], out)
+            return out
+
+        begin = time.perf_counter()
+        with ThreadPoolExecutor(THREADS) as pool:
+            parts = list(pool.map(part, halves))
+        sampled = (time.perf_counter() - begin) / len(points) * 1e3
+        for rows, out in zip(halves, parts, strict=True):
+            verdicts[rows] = out
+        some = np.linspace(0, len(points) - 1, SCIPY_POINTS + 2).astype(int)[1:-1]
+        begin = time.perf_counter()
+        for i in some:
+            scipy_verdict(chain, points[i])
+        scripted = (time.perf_counter() - begin) / len(some) * 1e3
+        count = [sum(a.verdict is v for a in answers) for v in Verdict]
+        wrong = sum(
+            a.verdict is Verdict.NON_MEMBER and v == 1
+            for a, v in zip(answers, verdicts, strict=True)
+        )
+        print(
+            f'±{degrees:3.0f}°  {count[0]:7d} {count[1]:5d} {count[2]:5d} | '
+            f'{wall:12.3f} {np.median(times):7.3f} {np.quantile(times, 0.99):5.2f} | '
+            f'{sampled:8.3f} (x{sampled / wall:.1f}) {scripted:9.1f} (x{scripted / wall:.0f}); '
+            f'sampling overlooks {wrong} lost points',
+            flush=True,
+        )
+
+
+def closed_form(total: int = 10_000) -> None:
+    """Random points against the closed form of Table 1, a, b and scale at random."""
+    rng = np.random.default_rng(0)
+    wrong = undecided = 0
+    shell = 0.0
+    batch = 500
+    for _ in range(total // batch):
+        a, b = rng.uniform(-1.0, 1.0, 2)
+        scale = rng.uniform(0.2, 5.0)
+        table = load_dh('paredis_table_1')
+        d = np.array([0.0, a, -a, b, -b])
+        chain = (
+            DhTable('random', table.joints, d, table.a, table.alpha, table.offset)
+            .scaled(scale)
+            .chain()
+        )
+        points = rng.uniform(-2.6, 2.6, (batch, 3)) * scale
+        rho, z = np.hypot(points[:, 0], points[:, 1]), points[:, 2]
+        out = np.maximum(rho - 2.0 * scale, np.hypot(rho - scale, z) - 2.0 * scale) / scale
+        for answer, distance in zip(
+            query(chain, points, settings=VERDICT, threads=THREADS), out, strict=True
+        ):
+            if answer.verdict is Verdict.UNDECIDED:
+                undecided += 1
+                shell = max(shell, abs(distance))
+            else:
+                wrong += (answer.verdict is Verdict.MEMBER) != (distance <= 0.0)
+    print(
+        f'\n{total} random points of random Tables 1: {wrong} contradict the closed form, '
+        f'{undecided} undecided ({undecided / total:.3%}), the farthest {shell:.2g} (relative) '
+        'from the boundary',
+        flush=True,
+    )
+
+
+def planar(n: int) -> SerialChain:
+    """Planar arm of n unit links."""
+    joints = tuple(Joint(f'joint_{i + 1}') for i in range(n))
+    zero = np.zeros(n)
+    return DhTable(f'planar {n}R', joints, zero, np.ones(n), zero, zero).chain()
+
+
+def spatial(n: int) -> SerialChain:
+    """Table 1 continued: alternating pairs of parallel axes, unit links."""
+    joints = tuple(Joint(f'joint_{i + 1}') for i in range(n))
+    alpha = np.array([np.pi / 2 if i % 2 == 0 else 0.0 for i in range(n)])
+    return DhTable(f'spatial {n}R', joints, np.zeros(n), np.ones(n), alpha, np.zeros(n)).chain()
+
+
+def growth() -> None:
+    """Time against joints, order and tolerance."""
+    print('\nmean ms a member / a point within 1.5 times the reach, one thread')
+    rng = np.random.default_rng(1)
+    rows: list[tuple[str, SerialChain, int, float]] = []
+    rows += [(f'spatial {n}R, order 1', spatial(n), 1, 1e-6) for n in range(5, 10)]
+    rows += [(f'planar {n}R, order 1', planar(n), 1, 1e-6) for n in range(4, 10)]
+    rows += [(f'planar {2 * k + 2}R, order {k}', planar(2 * k + 2), k, 1e-6) for k in (2, 3)]
+    rows += [('spatial 5R, tolerance 1e-3', spatial(5), 1, 1e-3)]
+    rows += [('spatial 5R, tolerance 1e-9', spatial(5), 1, 1e-9)]
+    for name, chain, order, tolerance in rows:
+        count = 40 if order == 1 else 3
+        points = rng.uniform(-1.0, 1.0, (count, 3)) * [1.4, 1.4, 0.0 if 'planar' in name else 1.4]
+        settings = FtwsSettings(intervals=False, tolerance=tolerance)
+        query(chain, points[:1], order=order, settings=settings)
+        answers = query(chain, points, order=order, settings=settings)
+        members = [a.elapsed_s for a in answers if a.verdict is Verdict.MEMBER]
+        everything = [a.elapsed_s for a in answers]
+        open_count = sum(a.verdict is Verdict.UNDECIDED for a in answers)
+        mean = f'{np.mean(members) * 1e3:9.2f}' if members else '        -'
+        print(
+            f'{name:<28} {mean} / {np.mean(everything) * 1e3:9.2f}   '
+            f'({len(members)} members, {open_count} undecided of {count})',
+            flush=True,
+        )
+
+
+def maps() -> None:
+    """Volume of Table 1 with bounds, look-up time, memory."""
+    chain = load_dh('paredis_table_1').chain()
+    begin = time.perf_counter()
+    made = build_map(
+        chain, map_frame(chain, 'rz'), low=[0.0, -2.5], high=[2.5, 2.5], depth=10, threads=THREADS
+    )
+    took = time.perf_counter() - begin
+    lower, upper = made.measure()
+    print(
+        f'\nvolume of Table 1 proved between {lower:.4f} and {upper:.4f} '
+        f'(middle {(lower + upper) / 2 / VOLUME - 1:+.3%} of 48.0845), '
+        f'{made.grid.size} cells in {took:.0f} s, {made.grid.nbytes / 2**20:.2f} MiB of cells'
+    )
+    points = np.random.default_rng(2).uniform(-2.0, 2.0, (20_000, 3)).tolist()
+    begin = time.perf_counter()
+    for point in points:
+        made.lookup(point)
+    print(f'look-up: {(time.perf_counter() - begin) / len(points) * 1e6:.2f} us a point')
