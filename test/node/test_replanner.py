@@ -41,7 +41,7 @@ class Rig:
         self.chain = load_arm(arm_path)
         fk(self.chain, np.zeros((1, self.chain.n)))  # compiled now, not while samples go by
         self.sim = start_node('arm_sim', params={'arm': arm_path})
-        self.node = start_node('replanner', params={'arm': arm_path, 'dwell': 0.4, **params})
+        self.node = start_node('replanner', params={'arm': arm_path, 'dwell': 0.8, **params})
         self.states = probe.listen(JointState, topics.JOINT_STATES, topics.SENSOR_QOS)
         self.commands = probe.listen(JointTrajectory, topics.JOINT_TRAJECTORY, topics.COMMAND_QOS)
         self.plans = probe.listen(RecoveryPlan, topics.RECOVERY_PLAN, topics.LATCHED_QOS)
@@ -229,3 +229,31 @@ def test_garbage_is_named_and_the_node_lives(rig):
     task = load_task('paredis_eq_11')
     assert rig.send_task(task).status == RecoveryPlan.FINISHES
     rig.reaches(task.goals[0], len(rig.states))
+
+
+def test_obstacles_are_avoided_or_named(start_node, probe, arm_path, tmp_path):
+    around = tmp_path / 'around.yaml'
+    # One ball where the third goal is.
+    around.write_text('obstacles: [{name: ball, sphere: 0.1, position: [0.75, 0.0, 0.5]}]')
+    rig = Rig(
+        start_node,
+        probe,
+        arm_path,
+        collision=True,
+        link_radius=0.02,
+        obstacles=str(around),
+    )
+    task = load_task('paredis_eq_11')
+    np.testing.assert_allclose(task.goals[2].position, [0.75, 0.0, 0.5])
+    plan = rig.send_task(task)
+    assert plan.status == RecoveryPlan.PARTIAL
+    assert plan.goals[2].outcome == plan.goals[2].UNDECIDED
+    assert 'ball' in plan.goals[2].reason
+    for goal in task.goals[:2]:
+        rig.reaches(goal)
+
+
+def test_an_arm_without_bodies_is_refused_by_name(start_node):
+    node = start_node('replanner', params={'collision': True})
+    node.wait_for('link_radius', 60.0)
+    assert node.running
