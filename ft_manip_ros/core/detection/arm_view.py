@@ -19,6 +19,7 @@ from ft_manip_ros.core.detection.machine import (
 )
 from ft_manip_ros.core.detection.motion import QUIET
 from ft_manip_ros.core.detection.states import Cause
+from ft_manip_ros.core.detection.stillness import lock_level
 
 Array = NDArray[np.float64]
 
@@ -31,6 +32,8 @@ _LATE_SAMPLES: Final = 5
 _LATE_TIME: Final = 0.1  # s
 _FLICKER_SAMPLES: Final = 30
 _FLICKER_SHARE: Final = 0.2
+_REPEATS_IN_MOTION: Final = 8
+_FIRST_LEVEL: Final = 0.5
 _FEW_REPEATS: Final = 0.05  # share of messages below which repetition is news
 _ENOUGH_MESSAGES: Final = 200
 _LOG_IMPOSSIBLE: Final = -40.0
@@ -127,7 +130,10 @@ def stale_cause(r: Any, s: Any, arm: Any, repeated: bool, t: float) -> int:
 def watch_payload(
     memory: Memory, t: float, q: Array, v: Array, e: Array, present: NDArray[np.bool_]
 ) -> bool:
-    """True while the whole payload repeats bit for bit on an arm whose payload never does."""
+    """Tell whether the whole payload repeats bit for bit although it should not.
+
+    That is on an arm whose payload never does so at rest, or while several joints should move.
+    """
     arm, raw = memory.arm[0], memory.raw
     same = True
     for j in range(q.shape[0]):
@@ -141,18 +147,29 @@ def watch_payload(
             and (e[j] == raw[j, 2] or (np.isnan(e[j]) and np.isnan(raw[j, 2])))
         )
         raw[j, 0], raw[j, 1], raw[j, 2] = q[j], v[j], e[j]
+    at_rest = True
+    missing_motion = 0
+    for j in range(q.shape[0]):
+        r = memory.joints[j]
+        at_rest = at_rest and r.still_n > 2
+        if lock_level(r) >= _FIRST_LEVEL and r.state != LOCKED:
+            # A lone commanded joint that stands still may be locked, and the others at rest.
+            missing_motion += 1 if r.ring_n > 0 else 2
     if not same:
-        if arm.repeat_run > 0:
+        if at_rest:
+            arm.rests += arm.repeat_run + 1
             arm.repeats += arm.repeat_run
             arm.longest_repeat = max(arm.longest_repeat, t - arm.repeat_since)
         arm.repeat_run = 0
         arm.repeat_since = t
         return False
     arm.repeat_run += 1
-    healthy = arm.messages - arm.repeat_run
-    if healthy < _ENOUGH_MESSAGES:
+    lasting = t - arm.repeat_since
+    least = memory.settings[0].dead_s
+    if missing_motion > 1 and arm.repeat_run >= _REPEATS_IN_MOTION and lasting >= least:
+        return True
+    if arm.rests < _ENOUGH_MESSAGES:
         return False
-    chance = (arm.repeats + 1.0) / (healthy + 1.0)
+    chance = (arm.repeats + 1.0) / (arm.rests + 1.0)
     unlikely = arm.repeat_run * np.log(chance) < _LOG_IMPOSSIBLE
-    lasting = t - arm.repeat_since >= max(memory.settings[0].dead_s, 5.0 * arm.longest_repeat)
-    return chance < _FEW_REPEATS and unlikely and lasting
+    return chance < _FEW_REPEATS and unlikely and lasting >= max(least, 5.0 * arm.longest_repeat)

@@ -252,7 +252,10 @@ def advance(
                     r.still_n = 0
                 continue
             if verdict == NEW_POSITION:
+                # Whether it is where it says, it has to show by following.
                 r.has_sample = False
+                r.proving = True
+                r.untrusted = True
             r.dead = repeats_unlike_itself(r, t, raw, s.dead_s)
             note_good(r, t)
             runaways[j] = _accept(memory, j, t, position, v[k, j], e[k, j])

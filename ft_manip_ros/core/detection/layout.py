@@ -34,6 +34,7 @@ _FLAGS = (
     'high_effort',
     'dead',
     'stop_counted',
+    'untrusted',
 )
 _COUNTS = (
     'state',
@@ -180,7 +181,8 @@ ARM = np.dtype(
         ('resets', np.int64),  # new time lines so far
         ('back_n', np.int64),  # messages of a time line that may be beginning
         ('repeat_run', np.int64),  # messages in a row that repeat the one before bit for bit
-        ('repeats', np.int64),  # such messages in healthy runs
+        ('repeats', np.int64),  # such messages in healthy runs, at rest
+        ('rests', np.int64),  # messages in which every joint stood still
         ('now', np.float64),  # s, latest stamp
         ('first', np.float64),  # s, first stamp of this time line
         ('back_since', np.float64),

@@ -33,6 +33,7 @@ _FIRST_EVIDENCE: Final = int(Cause.FIRST_EVIDENCE)
 _NO_MOTION: Final = int(Cause.NO_MOTION)
 _NO_MOTION_HIGH_EFFORT: Final = int(Cause.NO_MOTION_HIGH_EFFORT)
 _NOT_EXECUTING: Final = int(Cause.ARM_NOT_EXECUTING)
+_JUMP: Final = int(Cause.JUMP)
 _VELOCITY_DISAGREES: Final = int(Cause.VELOCITY_DISAGREES)
 _MOVED_WHILE_LOCKED: Final = int(Cause.MOVED_WHILE_LOCKED)
 _STOPPED: Final = int(Cause.STOPPED_AMONG_MOVING)
@@ -42,7 +43,7 @@ _CLEARED: Final = int(Cause.CLEARED)
 LOCK_NONE: Final = 0
 LOCK_FIRST: Final = 1  # first evidence
 LOCK_HELD_BACK: Final = 2  # confirmed, but no commanded joint of the arm moves
-LOCK_CONTRADICTED: Final = 3  # confirmed, but the reported velocity says the joint moves
+LOCK_CONTRADICTED: Final = 3  # confirmed, but velocity or a jump before speak against it
 LOCK_UNSENSED: Final = 4  # confirmed, but the channel never showed that it has a sensor
 LOCK_CONFIRMED: Final = 5
 
@@ -63,7 +64,7 @@ def lock_stage(r: Any, s: Any, level: float) -> int:
     enough = enough and r.still_time >= harder * s.confirm_s - 1e-9
     if level < 1.0 or not enough:
         return LOCK_FIRST
-    if r.contradictions >= _CONTRADICTIONS:
+    if r.contradictions >= _CONTRADICTIONS or r.untrusted:
         return LOCK_CONTRADICTED
     return LOCK_CONFIRMED
 
@@ -138,7 +139,7 @@ def decide(
     elif stale >= 0:
         _enter(r, STALE, stale, t)
     elif stage == LOCK_CONTRADICTED:
-        _enter(r, SENSOR, _VELOCITY_DISAGREES, r.suspect_since)
+        _enter(r, SENSOR, _JUMP if r.untrusted else _VELOCITY_DISAGREES, r.suspect_since)
     elif stage == LOCK_UNSENSED:
         _enter(r, SENSOR, _NO_SENSOR, r.suspect_since)
     elif stage == LOCK_FIRST:

@@ -91,8 +91,10 @@ def follow_proof(r: Any, ring_t: Array, ring_c: Array, t: float, q: float) -> No
     if np.isnan(c) or np.isnan(r.prove_c):
         # No command is known to anybody here: motion is all the proof there can be.
         r.proving = not np.isnan(r.command)
+        r.untrusted = r.proving
         r.prove_c = c
         return
     wanted = c - r.prove_c
     if abs(moved - wanted) <= _PROVED_SHARE * abs(wanted) + r.threshold:
         r.proving = False
+        r.untrusted = False

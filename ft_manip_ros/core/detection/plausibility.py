@@ -21,6 +21,9 @@ _ABSURD: Final = 1e4  # rad or m: no joint ever stands there
 _RANGE_MARGIN: Final = 0.05  # share of the range by which calibration may be off
 _JUMP_MARGIN_REVOLUTE: Final = 0.02  # rad
 _JUMP_MARGIN_PRISMATIC: Final = 0.01  # m
+_REACH_REVOLUTE: Final = 6.5  # rad, a turn: a driver may find another zero, but no other joint
+_REACH_PRISMATIC: Final = 1.0  # m
+_FEW_SAMPLES: Final = 50
 _CONSISTENT_SAMPLES: Final = 5
 _CONSISTENT_TIME: Final = 0.1  # s
 _GOOD_SAMPLES: Final = 5
@@ -73,7 +76,11 @@ def judge_sample(r: Any, t: float, q: float) -> int:
     r.rebase_n += 1
     r.rebase_q = q
     r.rebase_t = t
-    if r.rebase_n >= _CONSISTENT_SAMPLES and t - r.rebase_since >= _CONSISTENT_TIME:
+    reach = _REACH_PRISMATIC if r.prismatic else _REACH_REVOLUTE
+    # What came first may have been the nonsense.
+    believable = abs(q - r.q) <= reach or r.period_n < _FEW_SAMPLES
+    lasting = r.rebase_n >= _CONSISTENT_SAMPLES and t - r.rebase_since >= _CONSISTENT_TIME
+    if believable and lasting:
         r.rebase_n = 0
         return NEW_POSITION
     return _JUMP
