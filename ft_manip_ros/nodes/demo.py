@@ -31,7 +31,7 @@ from ft_manip_ros.nodes.demo_options import arm_of, chosen_joints, parse_options
 from ft_manip_ros.nodes.demo_picture import draw
 from ft_manip_ros.nodes.demo_processes import Processes
 from ft_manip_ros.nodes.demo_record import Record
-from ft_manip_ros.nodes.demo_run import execute, start_posture
+from ft_manip_ros.nodes.demo_run import NotNeededError, execute, start_posture
 from ft_manip_ros.nodes.demo_timeline import Timeline, table, tell_run
 
 _ARM_NODES = ('arm_sim', 'fault_monitor', 'replanner')
@@ -120,11 +120,18 @@ class Story:
         rng: np.random.Generator,
     ) -> None:
         observer, timeline = self.observer, self.timeline
-        record = execute(chain, task, joints, fault_tolerant, rng, observer, timeline)
+        try:
+            record = execute(chain, task, joints, fault_tolerant, rng, observer, timeline)
+        except NotNeededError as error:
+            if self.options.joint != 'all':
+                raise
+            timeline.line('demo', f'no failure to show: {error}')
+            return
+        finally:
+            self.processes.stop('recorder', *_ARM_NODES)
+            observer.forget()
+            observer.withdraw_task()
         problems = record.problems()
-        self.processes.stop('recorder', *_ARM_NODES)
-        observer.forget()
-        observer.withdraw_task()
         tell_run(timeline, record)
         picture = Path(self.options.output) / ('demo.png' if k == 0 else f'demo_{k + 1}.png')
         draw(record, picture)
@@ -145,7 +152,7 @@ class Story:
         for record, problems in zip(self.records, self.problems, strict=True):
             for problem in problems:
                 self.timeline.line('demo', f'{record.joint}: {problem}', good=False)
-        happened = not any(self.problems)
+        happened = bool(self.records) and not any(self.problems)
         if happened:
             self.timeline.line('demo', 'everything happened as told above', good=True)
         return happened

@@ -39,7 +39,9 @@ def draw(record: Record, path: Path) -> None:
     _draw_before(plots[0], record)
     for axes, point in zip(plots[1:], shown, strict=True):
         _draw_after(axes, record, point)
-    arms.legend(handles=_symbols(), loc='lower center', ncols=6, fontsize=11, frameon=False)
+    arms.legend(
+        handles=_symbols(), loc='outside lower center', ncols=6, fontsize=11, frameon=False
+    )
     _draw_joints(joints.add_subplot(), record)
     figure.savefig(path, dpi=100)
     plt.close(figure)
@@ -65,10 +67,8 @@ def _title(record: Record) -> str:
     reached = [p for p in left if p.planned and p.reached]
     text = f'{record.joint} locked in the middle of the task: '
     if len(reached) == len(left):
-        return text + (
-            f'the arm reached all {len(left)} remaining points all the same '
-            f'(within {record.worst_error * 1e3:.2f} mm)'
-        )
+        what = 'the remaining point' if len(left) == 1 else f'all {len(left)} remaining points'
+        return text + f'the arm still reached {what} (within {record.worst_error * 1e3:.2f} mm)'
     return text + f'{len(reached)} of {len(left)} remaining points reached, the others are told'
 
 

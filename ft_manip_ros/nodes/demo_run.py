@@ -43,6 +43,10 @@ _STATUSES = {
 }
 
 
+class NotNeededError(StoryError):
+    """The task does not move the joint: its failure could not be noticed, and costs nothing."""
+
+
 def start_posture(chain: SerialChain, rng: np.random.Generator) -> Array:
     """Where the arm stands before the task, shape (n,): anywhere, but away from its limits."""
     middle = 0.5 * (chain.operating_lower + chain.operating_upper)
@@ -65,7 +69,7 @@ def choose_failure(
 
     Raises
     ------
-    StoryError
+    NotNeededError
         If no candidate has to move that far.
     """
     times = np.arange(0.0, latest, 0.01)
@@ -76,7 +80,10 @@ def choose_failure(
         moments = times[:-1][(ahead[:, column] >= _LEAST_WAY) & (times[:-1] >= _LEAD)]
         if len(moments):
             return str(joint), float(rng.choice(moments))
-    raise StoryError(f'the task never moves {", ".join(joints)} by {_LEAST_WAY} after its start')
+    raise NotNeededError(
+        f'the task does not move {", ".join(joints)} by {_LEAST_WAY} after its start: a lock '
+        'could not be noticed, and would cost nothing'
+    )
 
 
 def execute(

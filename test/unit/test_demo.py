@@ -12,11 +12,10 @@ from ft_manip_ros.core.errors import InputError
 from ft_manip_ros.core.goal import Goal, Task
 from ft_manip_ros.core.joint_path import JointPath
 from ft_manip_ros.core.kinematics import fk
-from ft_manip_ros.nodes.demo_observer import StoryError
 from ft_manip_ros.nodes.demo_options import chosen_joints, parse_options
 from ft_manip_ros.nodes.demo_picture import draw, link_points
 from ft_manip_ros.nodes.demo_record import Point, Record
-from ft_manip_ros.nodes.demo_run import choose_failure, start_posture
+from ft_manip_ros.nodes.demo_run import NotNeededError, choose_failure, start_posture
 from ft_manip_ros.nodes.demo_timeline import table
 
 ARM = load_arm('paredis_table_3')
@@ -130,7 +129,7 @@ def test_only_joints_that_still_have_a_way_to_go_are_locked():
         assert moment < (4.0 - 0.5 if joint == 'joint_1' else 2.0 - 0.25)
     again = choose_failure(path, list(ARM.joint_names), 4.0, np.random.default_rng(0))
     assert again == chosen[0]
-    with pytest.raises(StoryError, match='joint_5'):
+    with pytest.raises(NotNeededError, match='joint_5'):
         choose_failure(path, ['joint_5'], 4.0, np.random.default_rng(0))
 
 
