@@ -10,10 +10,10 @@ NODES = ('arm_sim', 'fault_monitor', 'replanner', 'workspace', 'designer', 'reco
 
 
 def share_tree(folder: str) -> list[tuple[str, list[str]]]:
-    """Install every YAML or URDF file below `folder` under the same path of the share folder."""
+    """Install every configuration file below `folder` under the same path of the share folder."""
     folders: dict[str, list[str]] = {}
     for path in sorted(Path(folder).rglob('*')):
-        if path.suffix in ('.yaml', '.urdf'):
+        if path.suffix in ('.yaml', '.urdf', '.json', '.rviz'):
             folders.setdefault(f'share/{NAME}/{path.parent}', []).append(str(path))
     return list(folders.items())
 

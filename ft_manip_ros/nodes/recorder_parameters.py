@@ -21,6 +21,8 @@ TOPICS = (
     topics.DESIGN_BEST,
     topics.DESIGN_FINAL,
     topics.ROBOT_DESCRIPTION,
+    *(topics.markers(node) for node in ('fault_monitor', 'replanner', 'workspace', 'designer')),
+    'replanner/path',
     topics.DIAGNOSTICS,
     '/parameter_events',
     '/rosout',
