@@ -104,7 +104,7 @@ _ALL = (
         'A Franka Panda from its URDF: panda_joint4 locks during a position task.',
         arm='package://example-robot-data/robots/panda_description/urdf/panda.urdf',
         base='panda_link0',
-        tip='panda_hand',
+        tip='panda_hand_tcp',
         task='urdf_task',
         locks=(('panda_joint4', 1.5),),
         seed=10,
