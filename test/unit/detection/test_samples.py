@@ -251,3 +251,32 @@ def test_a_brake_that_slips_at_rest_is_a_runaway_and_slow_creep_is_not():
     assert not stream.alarms()
     stream.run(3.0, change=lambda q: {**q, 'a': q['a'] + 0.08 + 0.1 * (stream.time - start - 20)})
     assert stream.alarms() == [('a', JointState.RUNAWAY)]
+
+
+def test_a_joint_that_follows_ever_later_is_sluggish_and_nothing_worse():
+    stream = Stream()
+    stream.run(20.0)
+    lag = [stream.lag]
+
+    def later(positions):
+        lag[0] = min(lag[0] + 0.002, 0.25)
+        return {**positions, 'b': stream.wanted('b', stream.time - lag[0])}
+
+    edges = stream.run(15.0, change=later)
+    assert stream.alarms(edges) == [('b', JointState.SLUGGISH)]
+    assert 'later' in stream.monitor.states()[1].cause
+
+
+def test_a_joint_that_follows_by_jerks_is_sluggish_and_nothing_worse():
+    stream = Stream(rate=250.0, noise=1e-6)
+    stream.run(10.0)
+    stands = [stream.truth()['b']]
+
+    def by_jerks(positions):
+        if abs(positions['b'] - stands[0]) > 0.0065:
+            stands[0] = positions['b']
+        return {**positions, 'b': stands[0]}
+
+    edges = stream.run(3.0, change=by_jerks)
+    assert {alarm for alarm in stream.alarms(edges)} == {('b', JointState.SLUGGISH)}
+    assert stream.monitor.states()[1].suspects >= 3
