@@ -17,7 +17,7 @@ from ft_manip_ros.bags.replay_setup import ReplaySetup
 from ft_manip_ros.core.errors import InputError
 from ft_manip_ros.core.planning.executive import Decision, Executive, ExecutiveSettings
 from ft_manip_ros.core.planning.proof import needs_proof, prove
-from ft_manip_ros.core.planning.settings import PlanSettings, Policy, Relaxation
+from ft_manip_ros.core.planning.settings import Order, PlanSettings, Policy, Relaxation
 from ft_manip_ros.nodes.conversions import nanoseconds, seconds, task_from_message
 from ft_manip_ros.nodes.conversions import stamp as stamp_of
 from ft_manip_ros.nodes.plan_messages import frozen_from_message, plan_to_message
@@ -28,7 +28,7 @@ _PLANNING = (
     'limit_weight', 'seed',
 )  # fmt: skip
 _WATCHING = ('state_timeout', 'patience', 'retries')
-SETTINGS = {*_PLANNING, *_WATCHING, 'policy', 'accepted_relaxations'}
+SETTINGS = {*_PLANNING, *_WATCHING, 'policy', 'order', 'accepted_relaxations'}
 NUMBERS = {'end': 1e-3, 'duration': 1e-2, 'arrivals': 1e-2, 'frozen_at': 1e-6}
 _STATUS = ('finishes', 'partial', 'halted', 'refused')
 _OUTCOME = ('reachable', 'relaxed', 'lost', 'undecided')
@@ -142,6 +142,8 @@ def _settings(parameters: dict[str, Any]) -> tuple[PlanSettings, ExecutiveSettin
     planning = {key: parameters[key] for key in _PLANNING if key in parameters}
     if 'policy' in parameters:
         planning['policy'] = _member(Policy, 'policy', parameters['policy'])
+    if 'order' in parameters:
+        planning['order'] = _member(Order, 'order', parameters['order'])
     if parameters.get('accepted_relaxations'):
         planning['accepted'] = frozenset(
             _member(Relaxation, 'accepted_relaxations', name)
