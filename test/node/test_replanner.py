@@ -7,7 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import yaml
 from sensor_msgs.msg import JointState
+from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory
 
 from ft_manip_interfaces.msg import FaultState, JointFault, RecoveryPlan, TaskGoal
@@ -18,7 +20,7 @@ from ft_manip_ros.core.kinematics import fk
 from ft_manip_ros.core.task_file import load_task
 from ft_manip_ros.nodes import topics
 from ft_manip_ros.nodes.conversions import nanoseconds, task_to_message
-from ft_manip_ros.nodes.replanner import TASK_PLAN
+from ft_manip_ros.nodes.replanner import LIMITS, REDUCED, TASK_PLAN
 
 pytestmark = pytest.mark.node
 
@@ -157,6 +159,8 @@ def test_each_joint_locks_and_the_task_is_finished(rig):
 
 def test_a_second_failure_is_planned_for_again(rig):
     task = load_task('paredis_eq_11')
+    urdfs = rig.probe.listen(String, REDUCED, topics.LATCHED_QOS)
+    limit_files = rig.probe.listen(String, LIMITS, topics.LATCHED_QOS)
     rig.send_task(task)
     rig.probe.spin_for(0.3)
     first = rig.inject('joint_1', InjectFault.Request.LOCK)
@@ -173,6 +177,13 @@ def test_a_second_failure_is_planned_for_again(rig):
         assert report.outcome in (report.REACHABLE, report.LOST, report.UNDECIDED)
         if report.outcome == report.REACHABLE:
             rig.reaches(task.goals[report.index])
+    # Other planners can go on with the arm that is left.
+    reduced = load_arm(rig.probe.until(lambda: urdfs, 5.0, 'a reduced URDF')[-1].data)
+    assert reduced.joint_names == ('joint_2', 'joint_3', 'joint_4')
+    q = np.array([first, 0.3, -0.2, 0.5, second])
+    np.testing.assert_allclose(fk(reduced, q[1:4])[1], fk(rig.chain, q)[1], atol=1e-9)
+    limits = yaml.safe_load(limit_files[-1].data)['joint_limits']
+    assert limits['joint_5']['min_position'] == limits['joint_5']['max_position'] == second
     # The state did not change: nothing is planned again.
     count = len(rig.plans)
     rig.declare(joint_1=first, joint_5=second)

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ft_manip_ros.core.chain import Array, SerialChain
+from ft_manip_ros.core.chain import FULL_TURN, Array, SerialChain
 from ft_manip_ros.core.goal import Goal
 from ft_manip_ros.core.planning import timing
 from ft_manip_ros.core.planning.limits import (
@@ -142,12 +142,12 @@ def _exposures(
     tau = np.linspace(0.0, 1.0, _INSTANTS)
     # The rest-to-rest profile, near enough for weighing one move against another.
     s = tau**3 * (10.0 - 15.0 * tau + 6.0 * tau**2)
-    at_rest = np.sum(~_may_lock(b, angles, after), axis=1) * dwell
+    at_rest = np.sum(~_may_lock(b, angles, after, limits.turns), axis=1) * dwell
     costs = np.empty((len(a), len(b)))
     for k in range(len(a)):
         way = travel(a[k], b, limits.unlimited)
         q = a[k] + s[:, None, None] * way
-        exposed = np.sum(~_may_lock(q, angles, before), axis=2).mean(axis=0)
+        exposed = np.sum(~_may_lock(q, angles, before, limits.turns), axis=2).mean(axis=0)
         for m in range(len(b)):
             time = straight_time(
                 a[k], b[m], limits.unlimited, limits.velocity, limits.acceleration, limits.jerk
@@ -156,9 +156,13 @@ def _exposures(
     return costs
 
 
-def _may_lock(q: Array, angles: Array, survived: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _may_lock(
+    q: Array, angles: Array, survived: NDArray[np.bool_], turns: NDArray[np.bool_]
+) -> NDArray[np.bool_]:
     """Tell for joint positions (..., n) whether both grid neighbours survive a lock."""
     lower, upper = angles[:, 0], angles[:, -1]
+    # A joint that turns on and on passes the same places again.
+    q = np.where(turns, lower + np.mod(q - lower, FULL_TURN), q)
     place = (np.clip(q, lower, upper) - lower) / (upper - lower) * (angles.shape[1] - 1)
     below = np.floor(place).astype(np.int64)
     above = np.ceil(place).astype(np.int64)
