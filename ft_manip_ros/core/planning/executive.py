@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -104,7 +105,7 @@ class Executive:
             return [], None  # late or repeated: newer ones have been used
         v = None
         if velocities is not None and all(
-            np.isfinite(velocities.get(name, np.nan)) for name in self.chain.joint_names
+            math.isfinite(velocities.get(name, math.nan)) for name in self.chain.joint_names
         ):
             v = self._of_arm(velocities)
         self._states.append((stamp, q, v))
@@ -182,7 +183,7 @@ class Executive:
                 f'missing; it names {", ".join(values) or "nothing"}',
             )
         q = np.array([values[name] for name in names], dtype=float)
-        bad = [name for name, value in zip(names, q, strict=True) if not np.isfinite(value)]
+        bad = [name for name in names if not math.isfinite(values[name])]
         if bad:
             raise InputError(f'joint state: {", ".join(bad)}', 'NaN or infinite')
         return q
