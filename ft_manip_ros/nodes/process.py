@@ -85,8 +85,17 @@ def _stop_on_signals(stop: threading.Event) -> None:
         return
     reader, writer = socket.socketpair()
     writer.setblocking(False)
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: stop.set())
+    numbers = (signal.SIGINT, signal.SIGTERM)
+
+    def on_signal(*_: object) -> None:
+        # A launch file passes on the Ctrl-C that the terminal has sent already. The second one
+        # must not kill an interpreter that is on its way out.
+        for number in numbers:
+            signal.signal(number, signal.SIG_IGN)
+        stop.set()
+
+    for number in numbers:
+        signal.signal(number, on_signal)
     signal.set_wakeup_fd(writer.detach(), warn_on_full_buffer=False)
 
     def watch() -> None:
