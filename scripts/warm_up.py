@@ -9,6 +9,8 @@ from __future__ import annotations
 import sys
 import time
 
+from stale_kernels import remove_stale
+
 from ft_manip_ros.core.arm_file import load_arm
 from ft_manip_ros.core.design import warm_up as design
 from ft_manip_ros.core.design.problem import design_problem
@@ -22,6 +24,7 @@ from ft_manip_ros.core.task_file import load_task
 def main() -> None:
     """Run what the nodes run when they configure, with the arm and the task of the paper."""
     start = time.monotonic()
+    remove_stale()
     arm = load_arm('paredis_table_3')
     task = load_task('paredis_eq_11')
     detection.warm_up()
