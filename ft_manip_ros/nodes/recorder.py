@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rclpy.clock import Clock, ClockType
 from rclpy.serialization import deserialize_message
 from std_srvs.srv import Trigger
 
@@ -68,10 +69,15 @@ class Recorder(ManagedNode):
         self._diagnostics = self.create_publisher(
             DiagnosticArray, topics.DIAGNOSTICS, topics.COMMAND_QOS
         )
-        self.create_timer(_DIAGNOSTICS, self._publish_diagnostics)
         self.serve(Trigger, SAVE_SNAPSHOT, self._on_save)
-        self.every(_POLL, self._on_poll)
-        self.every(_DISCOVERY, self._on_discovery)
+        # On a clock that runs: with use_sim_time the others' may stand still, and messages and
+        # publishers come all the same.
+        for period, callback in (
+            (_POLL, self._on_poll),
+            (_DISCOVERY, self._on_discovery),
+            (_DIAGNOSTICS, self._publish_diagnostics),
+        ):
+            self.create_timer(period, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def activate(self) -> None:
         """Open the bag and begin."""
@@ -83,7 +89,14 @@ class Recorder(ManagedNode):
         self._recording.add_provenance(
             'ft_manip_ros', provenance(self.param('note'), None if seed == [] else seed)
         )
-        self._capture = TopicCapture(self, self._is_wanted, self._announce, self.complain)
+        simulated = self.get_parameter('use_sim_time').value
+        self._capture = TopicCapture(
+            self,
+            self._is_wanted,
+            self._announce,
+            self.complain,
+            self._now if simulated else None,
+        )
         self._parameters = ParameterCapture(
             self,
             self._nodes.__contains__,
@@ -111,6 +124,9 @@ class Recorder(ManagedNode):
             self.get_logger().error(f'{text}, {missing}')
         else:
             self.get_logger().info(f'{text}, none lost')
+
+    def _now(self) -> int:
+        return int(self.get_clock().now().nanoseconds)
 
     def _begin(self, folder: Path) -> Recording | SnapshotRecording:
         capacity = self.param('queue_size') * _MIB
@@ -155,7 +171,7 @@ class Recorder(ManagedNode):
     def _on_save(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         if not isinstance(self._recording, SnapshotRecording):
             raise InputError('mode', "is not 'snapshot': everything is being recorded")
-        self._trigger(self.get_clock().now().nanoseconds)
+        self._trigger(self._now())
         response.success = True
         response.message = f'the last {self._recording.span:.1f} s are being written'
         return response

@@ -84,6 +84,9 @@ class TopicCapture:
         Called with (topic, type name, offered QoS) before a topic's first message.
     complain
         Called with (topic, text) when a topic cannot be recorded.
+    clock
+        Time (ns) to stamp messages with, where that of their arrival is another clock's: for
+        use_sim_time. None: the time of arrival, as the middleware noted it.
     """
 
     def __init__(
@@ -92,11 +95,13 @@ class TopicCapture:
         wanted: Callable[[str], bool],
         announce: Callable[[str, str, tuple[QosProfile, ...]], None],
         complain: Callable[[str, str], None],
+        clock: Callable[[], int] | None = None,
     ) -> None:
         self._node = node
         self._wanted = wanted
         self._announce = announce
         self._complain = complain
+        self._clock = clock
         self._group = PolledGroup()
         self._captured: dict[tuple[str, str], _Captured] = {}
         self.lost = 0
@@ -124,6 +129,7 @@ class TopicCapture:
     def take(self) -> list[Recorded]:
         """Return all messages that have arrived since the last call, by time of arrival."""
         batch: list[Recorded] = []
+        now = self._clock() if self._clock else 0
         for (topic, type_name), captured in self._captured.items():
             subscription = captured.subscription
             with subscription.handle:
@@ -133,11 +139,11 @@ class TopicCapture:
                         break
                     data, info = taken
                     self._count_gap(captured, info['publication_sequence_number'])
-                    arrived = info['received_timestamp'] or info['source_timestamp']
+                    arrived = now or info['received_timestamp'] or info['source_timestamp']
                     batch.append(
                         Recorded(topic, type_name, arrived, info['source_timestamp'], data)
                     )
-        batch.sort(key=lambda message: message.log_time)
+        batch.sort(key=lambda message: (message.log_time, message.publish_time))
         return batch
 
     def close(self) -> None:
