@@ -64,7 +64,8 @@ def critical_values(chain: SerialChain, samples: int = 4001) -> tuple[Array, Arr
         # Lines parallel to both axes meet the one before at infinity, however the joint turns.
         always = amplitude + np.abs(constant) < _PARALLEL * (1.0 + np.linalg.norm(p, axis=1))
         if always.any():
-            turns = np.linspace(-np.pi, np.pi, samples // 10 + 2)[:-1]
+            # Quarter turns have to be among them: there lines become parallel to axes.
+            turns = np.linspace(-np.pi, np.pi, 4 * (samples // 40 + 1) + 1)[:-1]
             count = int(always.sum())
             theta = np.tile(turns, count)
             free_q = np.repeat(q[always], len(turns), axis=0)

@@ -18,6 +18,9 @@ from ft_manip_ros.core.ftws.taylor import Scratch
 
 MEMBER, UNDECIDED, NON_MEMBER = 1, 0, -1
 
+# Failed refutations of one combination before it is left undecided.
+_REFUTATIONS = 3
+
 
 class Effort(NamedTuple):
     """How hard to try, and what to report."""
@@ -184,6 +187,7 @@ def cover(
     limit = count[1] + effort.pieces
     enough = effort.tolerance + effort.radius
     covered_count[0] = 0
+    failures = 0
     while top > 0:
         if count[1] > limit or top + 2 >= gaps.shape[0]:
             return min(verdict, UNDECIDED)
@@ -204,9 +208,11 @@ def cover(
         if h == 0.0 and best > enough:
             outcome, distance = 1, 0.9 * best
             if not known_lost:
+                # A few cheap attempts at different positions before an expensive one.
+                budget = effort.boxes >> max(2 * (_REFUTATIONS - 1 - failures), 0)
                 outcome, distance, spent = refute(
                     chain, task, goal, w.chosen, w.is_free, w.frozen_half, enough, best,
-                    effort.tolerance, effort.boxes, w.boxes, s,
+                    effort.tolerance, budget, w.boxes, s,
                 )  # fmt: skip
                 count[1] += spent // 8
             if outcome == 1:
@@ -231,12 +237,16 @@ def cover(
                     chain, task, goal, w.chosen, w.is_free, combo, w.halves, effort.radius,
                     effort.tolerance, 0.1, effort.smallest_step, s,
                 )  # fmt: skip
+            else:
+                failures += 1
         if h == 0.0:
             # Reachable, or nearly, but not certified over this box: look at smaller ones.
             if best > worst[0] and verdict == MEMBER:
                 worst[0] = best
                 for j in range(k):
                     witness[j] = w.q[combo[j]]
+            if failures >= _REFUTATIONS:
+                return min(verdict, UNDECIDED)
             if width > 0.25 * (hi[0] - lo[0]) and width > effort.smallest_gap:
                 top = _halve(gaps, top, lo, hi, other)
             elif hi[0] - lo[0] > effort.smallest_gap:

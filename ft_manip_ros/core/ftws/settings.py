@@ -35,7 +35,7 @@ class FtwsSettings:
     slab
         First half-width (rad or m) of boxes of simultaneous failures (order > 1).
     boxes
-        Branch-and-bound boxes per refutation.
+        Branch-and-bound boxes of the last refutation tried; those before get a part of it.
     pieces
         Certificates per combination of failed joints.
     time_budget
@@ -53,8 +53,8 @@ class FtwsSettings:
     smallest_step: float = 1e-5
     smallest_gap: float = 1e-4
     slab: float = 0.2
-    boxes: int = 20_000
-    pieces: int = 50_000
+    boxes: int = 200_000
+    pieces: int = 100_000
     time_budget: float = 0.0
     seed: int = 0
 
