@@ -40,6 +40,9 @@ PARAMETERS = (
         0.5,
     ),
     ParameterSpec(
+        'ball', 0.0, 'Radius of the ball around every goal to be reached whole.', 'm', 0.0, 10.0
+    ),
+    ParameterSpec(
         'alpha_step', 0.0, 'alpha is a multiple of this; 0: any value.', 'rad', 0.0, 3.2
     ),
     ParameterSpec('family', FAMILIES[0], 'Links free, or tied symmetrically.', choices=FAMILIES),
@@ -58,6 +61,7 @@ def read_settings(node: ManagedNode) -> DesignSettings:
         time_budget=node.param('time_budget'),
         workers=node.param('workers'),
         margin=node.param('margin'),
+        ball=node.param('ball'),
         alpha_step=node.param('alpha_step'),
         family=node.param('family'),
         max_length=node.param('max_length') or float('inf'),

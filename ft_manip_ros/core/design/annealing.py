@@ -155,5 +155,10 @@ class _Chain:
         if not self.problem.settings.prove:
             return candidate
         table = self.problem.table(p)
-        self.proof = prove(table.chain(), self.problem.task, self.problem.spec.order)
+        self.proof = prove(
+            table.chain(),
+            self.problem.task,
+            self.problem.spec.order,
+            self.problem.settings.ball,
+        )
         return candidate if self.proof.proved else None

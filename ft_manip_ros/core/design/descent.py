@@ -28,6 +28,8 @@ from ft_manip_ros.core.ftws.verdict import Verdict
 
 # Later attempts ask for less room around the goals, in case the task has no design with more.
 MARGIN_SHARES = (1.0, 1.0, 0.5, 0.25)
+# Several failures at once are harder to prove, so there is more room to ask for.
+MARGIN_SHARES_BEYOND_1 = (2.5, 2.0, 1.0, 0.5)
 MAX_ROUNDS = 16
 MAX_STEPS = 60
 MAX_PROOFS = 3
@@ -43,7 +45,8 @@ def descent_segment(
     problem: DesignProblem, rng: np.random.Generator, attempt: int, should_stop: ShouldStop
 ) -> Segment:
     """Run one attempt from a random table to a proof, or until it gets stuck."""
-    return _Attempt(problem, rng, MARGIN_SHARES[attempt % len(MARGIN_SHARES)], should_stop).run()
+    shares = MARGIN_SHARES if problem.spec.order == 1 else MARGIN_SHARES_BEYOND_1
+    return _Attempt(problem, rng, shares[attempt % len(shares)], should_stop).run()
 
 
 class _Attempt:
@@ -99,7 +102,12 @@ class _Attempt:
     def _proved(self) -> bool:
         table = self.problem.table(self.p)
         self.proofs += 1
-        self.proof = prove(table.chain(), self.problem.task, self.problem.spec.order)
+        self.proof = prove(
+            table.chain(),
+            self.problem.task,
+            self.problem.spec.order,
+            self.problem.settings.ball,
+        )
         if self.proof.proved:
             return True
         last = self.proof.verdicts[-1]

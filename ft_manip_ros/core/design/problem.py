@@ -58,7 +58,8 @@ class DesignProblem:
         The task's own goals come first, then the points around each; the limits are narrower
         for moving joints only.
         """
-        radius = share * self.settings.margin * self.reach
+        # The corners must lie well outside a ball for all of it to be reached.
+        radius = share * self.settings.margin * self.reach + 1.5 * self.settings.ball
         return (
             _guarded(self.goals, radius),
             _limits(self.spec, share * self.settings.limit_margin),

@@ -49,6 +49,8 @@ class DesignSettings:
     margin
         Every goal is searched together with points this far around it, as a share of the
         farthest goal's distance, so that the proof does not meet a design on the boundary.
+    ball
+        Radius (m) of the ball around every goal that the design must reach whole.
     limit_margin
         rad by which moving joints keep away from their limits during the search.
     bounds, fixed, alpha_step, family, max_length
@@ -70,6 +72,7 @@ class DesignSettings:
     angles: int = 0
     restarts: int = 0
     margin: float = 0.04
+    ball: float = 0.0
     limit_margin: float = np.deg2rad(3.0)
     bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     fixed: Mapping[str, float] = field(default_factory=dict)
@@ -111,6 +114,8 @@ class DesignSettings:
             raise InputError('time_budget', f'is {self.time_budget}; must be > 0 s')
         if not 0.0 <= self.margin < 1.0:
             raise InputError('margin', f'is {self.margin}; must be from 0 to below 1')
+        if not (np.isfinite(self.ball) and self.ball >= 0.0):
+            raise InputError('ball', f'is {self.ball}; must be finite and at least 0 m')
         if not 0.0 <= self.limit_margin < 1.0:
             raise InputError('limit_margin', f'is {self.limit_margin}; must be 0 to 1 rad')
 
