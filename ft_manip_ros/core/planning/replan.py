@@ -13,7 +13,7 @@ from ft_manip_ros.core.errors import InputError
 from ft_manip_ros.core.ftws.task_map import reach
 from ft_manip_ros.core.goal import Goal
 from ft_manip_ros.core.planning.collision import CollisionChecker
-from ft_manip_ros.core.planning.limits import arrays_within, motion_limits
+from ft_manip_ros.core.planning.limits import MotionLimits, arrays_within, motion_limits
 from ft_manip_ros.core.planning.plan import Outcome, Plan, PlanStatus
 from ft_manip_ros.core.planning.refutation import SIGMAS
 from ft_manip_ros.core.planning.reporting import describe, outcome_of
@@ -108,34 +108,43 @@ def plan_task(
         findings = [_cut_off(f) if f.index in route.cut_off else f for f in findings]
         if route.cut_off and frozen and settings.policy == Policy.FINISH_ALL_OR_HALT:
             route, why_not = stopping, 'the policy is to finish all or halt, and a way is blocked'
+    motion, problems = _checked(chain, route, healthy, start, start_velocity, frozen, limits)
+    refused = '; '.join(problems)
+    if problems and route is not stopping:
+        # What the controller follows now may command the joint that failed: stopping is safer.
+        route = stopping
+        motion, problems = _checked(chain, route, healthy, start, start_velocity, frozen, limits)
     outcomes = tuple(
         outcome_of(chain, finding, route.visits.get(finding.index), frozen, sigma)
         for finding in findings
-    )
-    trajectory = _expanded(chain, route, healthy, start)
-    problems = check_trajectory(
-        chain,
-        trajectory,
-        limits,
-        frozen=frozen,
-        start=start,
-        start_velocity=np.where(mask, 0.0, start_velocity),
     )
     status, reason = describe(outcomes, why_not)
     if allowed:
         pairs = ', '.join(f'{a} and {b}' for a, b in allowed)
         reason += f'; not checked, for they touch where the arm comes to rest: {pairs}'
-    if problems:
-        status, reason = PlanStatus.REFUSED, f'the trajectory is unsafe: {"; ".join(problems)}'
-    return Plan(
-        status,
-        reason,
-        dict(frozen),
-        dict(sigma),
-        outcomes,
-        None if problems else trajectory,
-        why_not,
+    if refused:
+        instead = 'nothing is sent' if problems else 'the arm stops instead'
+        status, reason = PlanStatus.REFUSED, f'the trajectory is unsafe, {instead}: {refused}'
+    return Plan(status, reason, dict(frozen), dict(sigma), outcomes, motion, why_not)
+
+
+def _checked(
+    chain: SerialChain,
+    route: Route,
+    healthy: NDArray[np.intp],
+    start: Array,
+    start_velocity: Array,
+    frozen: Mapping[str, float],
+    limits: MotionLimits,
+) -> tuple[Trajectory | None, tuple[str, ...]]:
+    """The route as a trajectory of all joints that has passed the gate, or what is wrong."""
+    trajectory = _expanded(chain, route, healthy, start)
+    speed = np.zeros(chain.n)
+    speed[healthy] = start_velocity[healthy]
+    problems = check_trajectory(
+        chain, trajectory, limits, frozen=frozen, start=start, start_velocity=speed
     )
+    return (None if problems else trajectory), problems
 
 
 def _cut_off(finding: Finding) -> Finding:

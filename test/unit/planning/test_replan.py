@@ -10,6 +10,7 @@ from ft_manip_ros.core.chain import Joint, SerialChain
 from ft_manip_ros.core.errors import InputError
 from ft_manip_ros.core.goal import Goal
 from ft_manip_ros.core.kinematics import fk
+from ft_manip_ros.core.planning import replan
 from ft_manip_ros.core.planning.plan import Outcome, PlanStatus
 from ft_manip_ros.core.planning.proof import needs_proof, prove
 from ft_manip_ros.core.planning.replan import plan_task
@@ -217,3 +218,27 @@ def test_operating_limits_bind_only_before_a_failure():
 def test_malformed_input_is_named(change, words):
     with pytest.raises(InputError, match=words):
         plan(TABLE_3, load_task('paredis_eq_11').goals, **change)
+
+
+@pytest.mark.parametrize('stop_is_safe', [True, False])
+def test_a_motion_that_fails_the_gate_is_replaced_by_a_stop(monkeypatch, stop_is_safe):
+    # The controller still follows the old motion, which commands the joint that failed.
+    moving = np.array([0.0, 0.4, 0.0, 0.0, -0.3])
+
+    def gate(chain, trajectory, limits, **state):
+        long = trajectory.times[-1] > 1.0
+        return ('too long for this test',) if long or not stop_is_safe else ()
+
+    monkeypatch.setattr(replan, 'check_trajectory', gate)
+    goals = load_task('paredis_eq_11').goals
+    found = plan(TABLE_3, goals, frozen={'joint_3': 0.2}, velocity=moving)
+    assert found.status == PlanStatus.REFUSED
+    assert 'too long for this test' in found.reason
+    assert not any(outcome.has_posture for outcome in found.outcomes)
+    if stop_is_safe:
+        np.testing.assert_allclose(found.trajectory.velocities[0], moving)
+        assert not found.trajectory.velocities[-1].any()
+        assert 'stops instead' in found.reason
+    else:
+        assert found.trajectory is None
+        assert 'nothing is sent' in found.reason
