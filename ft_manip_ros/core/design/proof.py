@@ -104,10 +104,9 @@ def _cover(
             continue
         inside = np.linalg.norm(at - goal.position) <= ball
         if half <= ball / _FINEST or (result.verdict is Verdict.NON_MEMBER and inside):
-            why = (
-                f'the ball of {ball:g} m is not proved: {result.reason} at {at.round(6).tolist()}'
-            )
-            return replace(result, point=centre.point, reason=why)
+            where = ', '.join(f'{x:.4g}' for x in at)
+            reason = f'the ball of {ball:g} m is not proved: at ({where}) {result.reason}'
+            return replace(result, point=centre.point, reason=reason)
         cubes += [(at + 0.5 * half * np.array(corner), 0.5 * half) for corner in _CORNERS]
     reason = f'the ball of {ball:g} m is covered by {proved} proved balls'
     return replace(centre, margin=ball, reason=reason)
