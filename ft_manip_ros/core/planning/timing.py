@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import accumulate
 
 import numpy as np
 import ruckig
@@ -191,19 +192,17 @@ def _solved(given: ruckig.InputParameter, period: float) -> Motion:
 
 
 def _sampled(found: ruckig.Trajectory, m: int, period: float) -> Motion:
-    duration = float(np.ceil(found.duration / _TICK)) * _TICK
-    switches = [0.0]
+    duration = math.ceil(found.duration / _TICK) * _TICK
+    switches = [k * period for k in range(1, math.ceil(duration / period))]
     for profile in found.profiles[0]:
-        phases = [*profile.brake.t, *profile.t, *profile.accel.t]
-        switches.extend(np.cumsum(phases))
+        switches += accumulate([*profile.brake.t, *profile.t, *profile.accel.t])
         # Turning points too: there the hull of a spline touches the motion, so checks are tight.
-        switches.extend(_turning_times(profile))
-    switches.extend(np.arange(period, duration, period))
-    ticks = np.unique(np.round(np.array(switches) / _TICK)) * _TICK
+        switches += _turning_times(profile)
     times = [0.0]
-    for time in ticks:
+    for tick in sorted({round(switch / _TICK) for switch in switches}):
+        time = tick * _TICK
         if time - times[-1] >= SHORTEST_STEP and duration - time >= SHORTEST_STEP:
-            times.append(float(time))
+            times.append(time)
     if duration > 0.0:
         times.append(duration)
     states = np.array([found.at_time(time)[:3] for time in times]).reshape(len(times), 3, m)
