@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 import socket
@@ -33,7 +34,8 @@ def run(factory: Callable[[], ManagedNode], args: Sequence[str] | None = None) -
     Returns
     -------
     int
-        Exit code: 0, or 2 where the parameters given on the command line are unusable.
+        Exit code: 0, or 2 where the parameters given on the command line are unusable. Stopped
+        by a signal it does not return: the process ends with 0.
     """
     # rclpy's own handlers would shut the context down first: nothing could be published or
     # answered while the node deactivates.
@@ -42,6 +44,19 @@ def run(factory: Callable[[], ManagedNode], args: Sequence[str] | None = None) -
     )
     stop = threading.Event()
     _stop_on_signals(stop)
+    code = _serve(factory, stop)
+    if stop.is_set():
+        # The middleware tells others of the end when the last reference to the node is gone.
+        gc.collect()
+        # Taking compiled code and the interpreter apart is of no use to anybody, and on a busy
+        # machine takes longer than a node is given to stop.
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)
+    return code
+
+
+def _serve(factory: Callable[[], ManagedNode], stop: threading.Event) -> int:
     try:
         try:
             node = factory()
