@@ -88,10 +88,11 @@ _ALL = (
         seed=7,
     ),
     Case(
-        'sluggish_joint',
-        'One joint follows its command late: no joint is locked.',
+        'late_joint',
+        'One joint falls behind its command by 0.1 s: late is not locked, and nothing may be '
+        'reported.',
         corrupt=('late', 'joint_3', 1.0),
-        seed=8,
+        seed=12,
     ),
     Case(
         'manual_freeze',

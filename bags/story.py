@@ -15,6 +15,7 @@ from trajectory_msgs.msg import JointTrajectory
 from ft_manip_interfaces.srv import ClearFault, FreezeJoint, InjectFault, QueryFtws
 from ft_manip_ros.core.arm_file import load_arm
 from ft_manip_ros.core.chain import Array, SerialChain
+from ft_manip_ros.core.errors import InputError
 from ft_manip_ros.core.sim import SimSettings, SimulatedArm
 from ft_manip_ros.core.task_file import load_task
 from ft_manip_ros.nodes import topics
@@ -34,8 +35,9 @@ _SECOND = 1_000_000_000
 _PERIOD = 0.01  # s, between joint states
 _SPELL = 1.0  # s, that a corruption lasts
 _DRIFT = 0.6  # rad/s, of a joint that runs away
-_LATE = 0.35  # s, by which a sluggish joint is behind
-_SETTLING = 0.8  # s, recorded after the last motion
+_LATE = 0.1  # s, by which a sluggish joint is behind at last
+_FALLING = 0.1  # s behind per second, until then
+_SETTLING = 1.5  # s, recorded after the last motion: longer than missed goals are waited for
 
 
 class Driver(Node):
@@ -47,7 +49,7 @@ class Driver(Node):
         self._case = case
         self._arm = SimulatedArm(chain, SimSettings(seed=case.seed), start=start, time=self._now())
         self._begun: float | None = None
-        self._past: deque[Array] = deque(maxlen=round(_LATE / _PERIOD))
+        self._past: deque[Array] = deque(maxlen=3 + round(_LATE / _PERIOD))
         self._publisher = self.create_publisher(JointState, topics.JOINT_STATES, topics.SENSOR_QOS)
         self.create_subscription(
             JointTrajectory, topics.JOINT_TRAJECTORY, self._on_trajectory, topics.COMMAND_QOS
@@ -61,14 +63,18 @@ class Driver(Node):
         start = seconds(message.header.stamp)
         self._begun = start if self._begun is None else self._begun
         self._arm.advance(self._now())
-        self._arm.follow(path_from_message(message, self._chain.joint_names), start)
+        try:
+            self._arm.follow(path_from_message(message, self._chain.joint_names), start)
+        except InputError as error:
+            # As a controller does: what it cannot follow it refuses, and stands still.
+            self.get_logger().error(str(error))
 
     def _on_tick(self) -> None:
         now = self.get_clock().now()
         time = float(now.nanoseconds) * 1e-9
         self._arm.advance(time)
         position, velocity = self._arm.measure()
-        self._past.append(position.copy())
+        self._past.append(np.array([position, velocity]))
         message = JointState(name=list(self._chain.joint_names))
         message.header.stamp = now.to_msg()
         kind, joint, moment = self._case.corrupt or ('', '', 0.0)
@@ -83,8 +89,12 @@ class Driver(Node):
             elif since < _SPELL and kind == 'missing':
                 keep.remove(j)
             elif kind == 'late':
-                position[j] = self._past[0][j]
-                velocity[j] = (self._past[1][j] - self._past[0][j]) / _PERIOD
+                # It falls behind little by little: a joint does not jump back.
+                behind = min(min(_FALLING * since, _LATE) / _PERIOD, len(self._past) - 2)
+                k, part = int(behind), behind % 1.0
+                past = (1.0 - part) * self._past[-1 - k] + part * self._past[-2 - k]
+                position[j] = past[0, j]
+                velocity[j] = past[1, j] * (1.0 - _FALLING * (_FALLING * since < _LATE))
         message.name = [message.name[k] for k in keep]
         message.position = position[keep].tolist()
         message.velocity = velocity[keep].tolist()
