@@ -10,6 +10,7 @@ from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.action.server import ServerGoalHandle
 from rclpy.callback_groups import ReentrantCallbackGroup
 from std_msgs.msg import Header, String
+from visualization_msgs.msg import MarkerArray
 
 from ft_manip_interfaces.action import DesignArm
 from ft_manip_interfaces.msg import DesignCandidate
@@ -21,6 +22,7 @@ from ft_manip_ros.core.task_file import load_task
 from ft_manip_ros.core.urdf_writer import chain_to_urdf
 from ft_manip_ros.nodes import topics
 from ft_manip_ros.nodes.conversions import task_from_message
+from ft_manip_ros.nodes.design_markers import design_markers
 from ft_manip_ros.nodes.design_messages import (
     Request,
     candidate_to_message,
@@ -64,6 +66,7 @@ class Designer(ManagedNode):
         )
         self._best = self.advertise(DesignCandidate, topics.DESIGN_BEST, topics.LATCHED_QOS)
         self._final = self.advertise(DesignCandidate, topics.DESIGN_FINAL, topics.LATCHED_QOS)
+        self._markers = self.advertise(MarkerArray, topics.markers('designer'), topics.LATCHED_QOS)
         self._urdf = self.advertise(String, topics.ROBOT_DESCRIPTION, topics.LATCHED_QOS)
         self.subscribe(TaskMessage, topics.TASK, self._on_task, topics.LATCHED_QOS)
         self._action = ActionServer(
@@ -78,8 +81,11 @@ class Designer(ManagedNode):
         self.every(_PERIOD, self._report)
 
     def warm_up(self) -> None:
-        """Compile what the first search would wait for."""
-        warm_up(self._first.problem)
+        """Compile what the first search, and its markers, would wait for."""
+        problem = self._first.problem
+        warm_up(problem)
+        arm = problem.table(0.5 * (problem.space.lower + problem.space.upper))
+        design_markers(arm.chain(), self._task, self._header())
 
     def activate(self) -> None:
         """Start searching where the parameters say so."""
@@ -203,6 +209,7 @@ class Designer(ManagedNode):
             return
         self._final.publish(result_to_message(request, result, self._header()))
         table = result.table
+        self._markers.publish(design_markers(table.chain(), request.task, self._header()))
         if result.proved:
             self._urdf.publish(String(data=chain_to_urdf(table.chain())))
         rows = '; '.join(

@@ -11,6 +11,7 @@ import pytest
 from action_msgs.msg import GoalStatus
 from rclpy.action import ActionClient
 from std_msgs.msg import String
+from visualization_msgs.msg import MarkerArray
 
 from ft_manip_interfaces.action import DesignArm
 from ft_manip_interfaces.msg import DesignCandidate
@@ -90,8 +91,9 @@ def test_it_designs_for_its_default_task_at_once(start_node, probe):
     best = probe.listen(DesignCandidate, topics.DESIGN_BEST, topics.LATCHED_QOS)
     final = probe.listen(DesignCandidate, topics.DESIGN_FINAL, topics.LATCHED_QOS)
     urdf = probe.listen(String, topics.ROBOT_DESCRIPTION, topics.LATCHED_QOS)
+    markers = probe.listen(MarkerArray, topics.markers('designer'), topics.LATCHED_QOS)
     start_node('designer')
-    probe.until(lambda: final and urdf, 90.0, 'the final design')
+    probe.until(lambda: final and urdf and markers, 90.0, 'the final design')
     answer = final[0]
     assert answer.status == DesignCandidate.FINAL_PROVED, answer.reason
     assert answer.task == 'paredis_eq_11'
@@ -101,6 +103,12 @@ def test_it_designs_for_its_default_task_at_once(start_node, probe):
     assert best[-1].penalty == 0.0
     assert best[-1].design.d == answer.design.d
     assert candidates
+    # The arm at every goal, from the base to the goal.
+    lines = [marker for marker in markers[0].markers if marker.ns == 'arm']
+    assert len(lines) == 3
+    for line, goal in zip(lines, TASK.goals, strict=True):
+        tip = line.points[-1]
+        np.testing.assert_allclose([tip.x, tip.y, tip.z], goal.position, atol=1e-5)
     # The URDF is the same arm.
     chain = chain_from_urdf(urdf[0].data)
     rng = np.random.default_rng(0)
