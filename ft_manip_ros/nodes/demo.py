@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import gc
 import os
 import shutil
 import signal
@@ -188,8 +189,11 @@ def main(args: Sequence[str] | None = None) -> int:
             timeline.line('demo', f'{error}', good=False)
             print(f'the logs of all processes are in {options.output / "logs"}', file=sys.stderr)
         except KeyboardInterrupt:
-            print('stopped; no process is left', file=sys.stderr)
-            return 130
+            print('stopped; no process is left', file=sys.stderr, flush=True)
+            # As in `process.run`: whoever stops the demo does not want to wait for its libraries.
+            gc.collect()
+            sys.stdout.flush()
+            os._exit(130)
     if happened and not options.headless:
         _show(options.output / 'demo.png')
     return 0 if happened else 1
