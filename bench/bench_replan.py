@@ -45,16 +45,21 @@ def fault(
     joint = int(rng.integers(chain.n))
     middle, half = 0.5 * (chain.lower + chain.upper), 0.5 * (chain.upper - chain.lower)
 
-    def posture(share: float) -> Array:
+    def draw(share: float) -> Array:
+        return middle + share * half * rng.uniform(-1.0, 1.0, chain.n)
+
+    start = draw(0.8)
+    while checker is not None and checker.touches(start):
+        start = draw(0.8)
+
+    def posture() -> Array:
         while True:
-            q = middle + share * half * rng.uniform(-1.0, 1.0, chain.n)
+            q = draw(1.0)
             q[joint] = start[joint]
             if checker is None or not checker.touches(q):
                 return q
 
-    start = middle + 0.8 * half * rng.uniform(-1.0, 1.0, chain.n)
-    start = posture(0.8)
-    goals = [Goal(fk(chain, posture(1.0))[1]) for _ in range(count)]
+    goals = [Goal(fk(chain, posture())[1]) for _ in range(count)]
     speed = 0.3 * chain.velocity * rng.uniform(-1.0, 1.0, chain.n)
     speed[joint] = 0.0
     return goals, {chain.joint_names[joint]: float(start[joint])}, start, speed
@@ -151,14 +156,14 @@ def _measure(domain: int) -> None:
             faults.publish(message)
             name = f'task_{count}_{k}'
             tasks.publish(task_to_message(Task(name, tuple(goals)), now, 'base'))
-            _await(probe, healthy, name)
+            _await(probe, healthy, name, [])
             message = FaultState(
                 frozen_joints=list(frozen), frozen_positions=list(frozen.values())
             )
             message.header.stamp = stamp(now)
             begin = time.perf_counter()
             faults.publish(message)
-            _await(probe, plans, name)
+            _await(probe, plans, name, list(frozen.values()))
             whole.append(time.perf_counter() - begin)
             computed.append(plans[-1].compute_time)
             begin = time.perf_counter()
@@ -173,9 +178,15 @@ def _measure(domain: int) -> None:
     probe.close()
 
 
-def _await(probe: Any, plans: list[Any], task: str) -> None:
-    """Wait for the plan of a task."""
-    probe.until(lambda: plans and plans[-1].task == task, 20.0, f'the plan of {task}')
+def _await(probe: Any, plans: list[Any], task: str, frozen: list[float]) -> None:
+    """Wait for the plan of a task with joints frozen at these positions."""
+
+    def there() -> bool:
+        return bool(
+            plans and plans[-1].task == task and list(plans[-1].frozen_positions) == frozen
+        )
+
+    probe.until(there, 20.0, f'the plan of {task}')
 
 
 def run() -> None:
