@@ -97,7 +97,7 @@ class Recorder(ManagedNode):
             self.complain,
             self._now if simulated else None,
         )
-        self._parameters = ParameterCapture(
+        self._parameter_capture = ParameterCapture(
             self,
             self._nodes.__contains__,
             self._on_parameters,
@@ -113,7 +113,7 @@ class Recorder(ManagedNode):
             return
         recording.put(self._capture.take())
         self._capture.close()
-        self._parameters.close()
+        self._parameter_capture.close()
         status = recording.close()
         text = f'{self._folder}: {status.written} messages'
         if isinstance(recording, SnapshotRecording):
@@ -186,7 +186,7 @@ class Recorder(ManagedNode):
     def _on_discovery(self) -> None:
         if self._recording is not None:
             self._capture.discover()
-            self._parameters.discover()
+            self._parameter_capture.discover()
 
     def _report_unfinished(self, parent: Path) -> None:
         """Name the bags beside the new one that were not closed, as after a crash."""
