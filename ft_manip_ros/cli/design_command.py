@@ -71,6 +71,9 @@ def add_parser(subparsers: Any) -> None:
     parser.add_argument('--family', choices=FAMILIES, default=defaults.family)
     parser.add_argument('--max-length', type=float, help='longest sum of link lengths (m)')
     parser.add_argument(
+        '--shorten', action='store_true', help='then make the proved design shorter'
+    )
+    parser.add_argument(
         '--bound', nargs=3, action='append', default=[], metavar=('PARAMETER', 'LOWER', 'UPPER'),
         help='range of d, a or alpha, or of one parameter (a_3); m and deg',
     )  # fmt: skip
@@ -107,6 +110,7 @@ def run(args: argparse.Namespace) -> int:
         ball=args.ball,
         alpha_step=float(np.deg2rad(args.alpha_step_deg)),
         family=args.family,
+        shorten=args.shorten,
         max_length=np.inf if args.max_length is None else args.max_length,
         bounds={
             name: (_value('bound', name, lower), _value('bound', name, upper))

@@ -19,7 +19,7 @@ from ft_manip_ros.core.errors import InputError
 
 VERSION = 1
 # Settings that may differ when a search is taken up again: they change how fast, not what.
-_FREE_SETTINGS = ('time_budget', 'workers', 'executor', 'scheduler', 'max_segments')
+_FREE_SETTINGS = ('time_budget', 'workers', 'executor', 'scheduler', 'max_segments', 'shorten')
 _PERIOD = 1.0  # s between two writes
 
 

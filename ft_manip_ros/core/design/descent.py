@@ -49,6 +49,15 @@ def descent_segment(
     return _Attempt(problem, rng, shares[attempt % len(shares)], should_stop).run()
 
 
+def descend_from(
+    problem: DesignProblem, rng: np.random.Generator, p: Array, should_stop: ShouldStop
+) -> Segment:
+    """Run one attempt from the table ``p`` (3n,), made admissible first."""
+    attempt = _Attempt(problem, rng, MARGIN_SHARES[-1], should_stop)
+    attempt.p = problem.space.project(p)
+    return attempt.run()
+
+
 class _Attempt:
     def __init__(
         self, problem: DesignProblem, rng: np.random.Generator, share: float, stop: ShouldStop

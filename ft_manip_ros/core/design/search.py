@@ -10,6 +10,7 @@ from ft_manip_ros.core.design.checkpoint import CheckpointFile
 from ft_manip_ros.core.design.problem import design_problem
 from ft_manip_ros.core.design.segments import never
 from ft_manip_ros.core.design.settings import DesignSettings
+from ft_manip_ros.core.design.shorten import shorten
 from ft_manip_ros.core.design.warm_up import warm_up
 from ft_manip_ros.core.design.workers import open_workers
 from ft_manip_ros.core.goal import DesignSpec, Task
@@ -57,6 +58,10 @@ def design_arm(
     warm_up(problem)
     workers = open_workers(problem)
     try:
-        return search.run(workers)
+        result = search.run(workers)
     finally:
         workers.close()
+    if problem.settings.shorten and result.proved:
+        left = problem.settings.time_budget - result.elapsed
+        result = shorten(problem, result, should_stop, left)
+    return result

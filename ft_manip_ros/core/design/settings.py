@@ -55,6 +55,8 @@ class DesignSettings:
         rad by which moving joints keep away from their limits during the search.
     bounds, fixed, alpha_step, family, max_length
         See `space.design_space`.
+    shorten
+        Spend what is left of the time budget on shorter proved designs.
     prove
         False skips the proof; nothing is then announced as proved.
     """
@@ -79,6 +81,7 @@ class DesignSettings:
     alpha_step: float = 0.0
     family: str = 'free'
     max_length: float = np.inf
+    shorten: bool = False
     prove: bool = True
 
     @property

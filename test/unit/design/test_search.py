@@ -63,6 +63,20 @@ def test_whole_balls_are_proved():
         check_by_brute_force(Task('edge', (Goal(edge),)), result, angles=3)
 
 
+def test_a_proved_design_is_made_shorter_and_proved_again():
+    def length(result):
+        return np.hypot(result.table.a, result.table.d).sum()
+
+    first = design_arm(TASK, settings=DesignSettings(seed=2))
+    settings = DesignSettings(seed=2, shorten=True, time_budget=first.elapsed + 8.0)
+    result = design_arm(TASK, settings=settings)
+    assert result.proved
+    assert length(result) < 0.95 * length(first)
+    assert f'{length(result):.3f}' in result.reason
+    assert prove(result.table.chain(), TASK, 1).proved
+    check_by_brute_force(TASK, result, angles=5)
+
+
 def test_a_ball_too_large_is_not_proved():
     # Table 3 reaches the points, but not everything within half a metre of them.
     proof = prove(load_dh('paredis_table_3').chain(), TASK, 1, ball=0.5)
