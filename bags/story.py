@@ -29,6 +29,7 @@ from ft_manip_ros.nodes.conversions import (
 from ft_manip_ros.nodes.demo_domain import own_domain
 from ft_manip_ros.nodes.demo_observer import Observer
 from ft_manip_ros.nodes.demo_processes import Processes
+from ft_manip_ros.nodes.recorder_parameters import TOPICS
 
 HERE = Path(__file__).resolve().parent
 _SECOND = 1_000_000_000
@@ -109,7 +110,13 @@ def record(case: Case, bag: Path, logs: Path) -> None:
     task = load_task(own if own.is_file() else case.task)
     start = _start(chain, case)
     nodes = {
-        'recorder': {'output': str(bag), 'seed': case.seed, 'note': f'case {case.name}'},
+        'recorder': {
+            'output': str(bag),
+            'seed': case.seed,
+            'note': f'case {case.name}',
+            # Logs and diagnostics tell of this machine's folders, and nothing that is replayed.
+            'topics': [name for name in TOPICS if name not in ('/rosout', topics.DIAGNOSTICS)],
+        },
         'fault_monitor': arm,
         'replanner': arm,
         'workspace': arm,

@@ -21,6 +21,8 @@ _NUMBERS = {**replay_faults.NUMBERS, **replay_verdicts.NUMBERS, **replay_plans.N
 _TOLERANCE = Tolerance(numbers=_NUMBERS)
 # With other parameters the question is by how much, so every difference counts.
 _OVERRIDDEN = Tolerance(time=0.0, pairing=10.0, exact=True)
+# What is found at the very end may have been recorded no more (ns).
+_LAST = 300_000_000
 
 
 @dataclass(frozen=True)
@@ -129,11 +131,16 @@ def replay(
         if (start is None or f.stamp >= start) and (end is None or f.stamp <= end)
     )
     replayed = _ordered(f for part in parts for f in part.replayed)
+    late = [f for f in replayed if f.stamp > bag.end - _LAST]
     tolerance = _OVERRIDDEN if overrides else dataclasses.replace(_TOLERANCE, exact=exact)
     return ReplayResult(
         recorded,
         replayed,
-        tuple(compare(recorded, replayed, tolerance)),
+        tuple(
+            difference
+            for difference in compare(recorded, replayed, tolerance)
+            if difference.recorded is not None or difference.replayed not in late
+        ),
         digest(replayed),
         messages,
         refused,
