@@ -13,6 +13,11 @@ from ft_manip_ros.core.chain import FULL_TURN, Array, ChainArrays, SerialChain
 
 # A range this much beyond one turn is a real range with two ends, not a wrapping joint.
 _BEYOND_A_TURN = 1e-3
+# How far postures at rest stay off the limits, and what a reading may be wrong by (rad or m).
+_CLEAR = 1e-3
+_READING = 1e-3
+# Share of the largest speed that noise may show of a joint at rest.
+_CREEP = 0.01
 # Limits given with few digits still mean a full turn.
 _SLACK = 1e-6
 
@@ -88,9 +93,31 @@ def motion_limits(chain: SerialChain, *, operating: bool, jerk_time: float) -> M
     )
 
 
-def arrays_within(chain: SerialChain, limits: MotionLimits) -> ChainArrays:
-    """Return the arm as kernels read it, with the limits to obey."""
-    return chain.arrays._replace(lower=limits.lower, upper=limits.upper, wraps=limits.turns)
+def arrays_within(chain: SerialChain, limits: MotionLimits, *, clear: bool = False) -> ChainArrays:
+    """Return the arm as kernels read it, with the limits to obey.
+
+    With ``clear``, ranges are a little narrower: a joint at rest on its very limit would be
+    measured beyond it half of the time.
+    """
+    room = np.minimum(_CLEAR, 0.01 * (limits.upper - limits.lower)) * clear
+    return chain.arrays._replace(
+        lower=limits.lower + room, upper=limits.upper - room, wraps=limits.turns
+    )
+
+
+def within_noise(q: Array, v: Array, limits: MotionLimits) -> tuple[Array, Array]:
+    """Return a measured state, (n,) each, without what only noise does to it at a limit.
+
+    A joint that rests on its limit is read a hair beyond it, or creeping outward: it counts as
+    standing on it. One that stands farther outside, or moves, is left as it is.
+    """
+    inside = np.clip(q, limits.lower, limits.upper)
+    q = np.where(~limits.unlimited & (np.abs(q - inside) <= _READING), inside, q)
+    out = ((q - limits.lower <= _READING) & (v < 0.0)) | (
+        (limits.upper - q <= _READING) & (v > 0.0)
+    )
+    creeping = np.abs(v) <= _CREEP * limits.velocity
+    return q, np.where(~limits.unlimited & out & creeping, 0.0, v)
 
 
 def joint_limits_yaml(chain: SerialChain, frozen: Mapping[str, float]) -> str:

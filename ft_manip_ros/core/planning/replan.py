@@ -13,7 +13,12 @@ from ft_manip_ros.core.errors import InputError
 from ft_manip_ros.core.ftws.task_map import reach
 from ft_manip_ros.core.goal import Goal
 from ft_manip_ros.core.planning.collision import CollisionChecker
-from ft_manip_ros.core.planning.limits import MotionLimits, arrays_within, motion_limits
+from ft_manip_ros.core.planning.limits import (
+    MotionLimits,
+    arrays_within,
+    motion_limits,
+    within_noise,
+)
 from ft_manip_ros.core.planning.plan import Outcome, Plan, PlanStatus
 from ft_manip_ros.core.planning.refutation import SIGMAS
 from ft_manip_ros.core.planning.reporting import describe, outcome_of
@@ -55,7 +60,7 @@ def plan_task(
     sigma
         Their standard deviations; a missing one counts as 0.
     start, start_velocity : shape (n,)
-        Measured state of all joints.
+        Measured state of all joints; what is read a hair beyond a limit counts as on it.
     halt
         Why to stop whatever the policy says; goals are judged all the same.
     hints
@@ -81,13 +86,15 @@ def plan_task(
         if not (np.isfinite(value) and value >= 0.0):
             raise InputError(f'sigma of {name!r}', f'is {value}; must be a finite number >= 0')
     limits = motion_limits(chain, operating=not frozen, jerk_time=settings.jerk_time)
+    read, start_velocity = within_noise(start, start_velocity, limits)
+    start = np.where(mask, start, read)
     healthy = np.flatnonzero(~mask)
     hard = limits.take(healthy)
     stopping = stop_route(start[healthy], start_velocity[healthy], hard, settings)
     here = start.copy()
     here[healthy] = stopping.motion.positions[-1]
     allowed = () if checker is None else checker.allow_at(here)
-    arrays, blur = arrays_within(chain, limits), _blur(chain, sigma)
+    arrays, blur = arrays_within(chain, limits, clear=True), _blur(chain, sigma)
     findings = triage(arrays, rod, mask, goals, here, settings, hints or {}, blur, checker)
     if checker is not None and not halt and (pair := checker.touching(here)):
         halt = f'{pair[0]} and {pair[1]} touch where the arm comes to rest'

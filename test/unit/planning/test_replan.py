@@ -185,6 +185,31 @@ def test_uncertainty_of_the_frozen_joint_reaches_the_tool():
     assert 'known to' in found.outcomes[0].reason
 
 
+def test_a_joint_read_a_hair_beyond_its_limit_starts_on_it():
+    goals = load_task('paredis_eq_11').goals
+    limit = TABLE_3.lower[1]
+    start = np.array([0.0, limit - 4e-5, 0.3, -0.2, 0.5])
+    creep = np.array([0.0, -2e-3, 0.0, 0.0, 0.0])
+    found = plan(TABLE_3, goals, frozen={'joint_3': 0.3}, start=start, velocity=creep)
+    assert found.status == PlanStatus.FINISHES
+    assert found.trajectory.positions[0, 1] == limit
+    assert found.trajectory.positions[:, 1].min() == limit
+    # A joint that stands well outside is taken as it stands, and brought back.
+    start[1] = limit - 0.05
+    found = plan(TABLE_3, goals, frozen={'joint_3': 0.3}, start=start)
+    assert found.status == PlanStatus.FINISHES
+    assert found.trajectory.positions[0, 1] == start[1]
+    assert np.all(np.diff(found.trajectory.positions[:6, 1]) >= 0.0)
+
+
+def test_postures_at_rest_stay_off_the_limits():
+    for angle in np.linspace(-2.5, 2.5, 7):
+        found = plan(TABLE_3, load_task('paredis_eq_11').goals, frozen={'joint_4': angle})
+        for outcome in found.outcomes:
+            room = np.minimum(outcome.posture - TABLE_3.lower, TABLE_3.upper - outcome.posture)
+            assert np.delete(room, 3).min() > 0.9e-3
+
+
 def test_operating_limits_bind_only_before_a_failure():
     joints = (
         Joint('j0', -3.0, 3.0, operating_lower=-0.5, operating_upper=0.5),
