@@ -31,6 +31,7 @@ def worst_miss(d, a, alpha, lower, upper, point, *, order=1, angles=9, starts=12
     worst, where = 0.0, None
     for frozen in combinations(range(n), order):
         free = [j for j in range(n) if j not in frozen]
+        near = None
         for values in product(*(np.linspace(lower[j], upper[j], angles) for j in frozen)):
             q = np.zeros(n)
             q[list(frozen)] = values
@@ -41,11 +42,14 @@ def worst_miss(d, a, alpha, lower, upper, point, *, order=1, angles=9, starts=12
                 return dh_frame(d, a, alpha, posture)[:3, 3] - point
 
             best = np.inf
-            for _ in range(starts):
-                start = rng.uniform(lower[free], upper[free])
+            for attempt in range(starts):
+                # The posture at the last frozen angle is often close; the others are random.
+                warm = attempt == 0 and near is not None
+                start = near if warm else rng.uniform(lower[free], upper[free])
                 found = least_squares(residual, start, bounds=(lower[free], upper[free]))
                 best = min(best, float(np.linalg.norm(found.fun)))
                 if best < 1e-6:
+                    near = found.x
                     break
             if best > worst:
                 worst, where = best, (frozen, values)
