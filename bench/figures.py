@@ -1,6 +1,8 @@
 """Regenerate the paper's figures 3 to 7 from the engine: ``python -m bench.figures [N ...]``.
 
-Blue cells are proved members, orange ones are neither proved nor refuted at this resolution.
+Blue cells are proved members and white ones proved non-members, as wholes. Where a cell is not
+proved as a whole, the verdict on its centre is drawn paler (pale blue member, grey non-member),
+and orange is what stays undecided.
 """
 
 from __future__ import annotations
@@ -8,6 +10,7 @@ from __future__ import annotations
 import argparse
 import os
 from pathlib import Path
+from typing import Any
 
 import matplotlib
 import numpy as np
@@ -20,6 +23,9 @@ from ft_manip_ros.core.ftws.ftws_map import FtwsMap
 from ft_manip_ros.core.ftws.map_build import build_map
 from ft_manip_ros.core.ftws.map_frame import map_frame
 from ft_manip_ros.core.ftws.map_plot import draw_map
+from ft_manip_ros.core.ftws.query import query
+from ft_manip_ros.core.ftws.settings import FtwsSettings
+from ft_manip_ros.core.ftws.verdict import Verdict
 from ft_manip_ros.core.goal import Goal
 from ft_manip_ros.core.ik import solve_ik
 from ft_manip_ros.core.kinematics import isotropy, jacobian
@@ -52,6 +58,18 @@ def slice_map(
     return made
 
 
+def draw(axes: Any, chain: SerialChain, made: FtwsMap) -> None:
+    """Draw a map, with the centres of its open cells judged one by one."""
+    points, verdicts = made.cells()
+    codes = {Verdict.MEMBER: 1, Verdict.UNDECIDED: 0, Verdict.NON_MEMBER: -1}
+    open_cells = np.flatnonzero(verdicts == 0)
+    centres = np.zeros(len(points), dtype=np.int8)
+    settings = FtwsSettings(intervals=False, boxes=20_000)
+    answers = query(chain, points[open_cells], settings=settings, threads=THREADS)
+    centres[open_cells] = [codes[answer.verdict] for answer in answers]
+    draw_map(axes, made, centres.reshape(made.grid.shape))
+
+
 def save(figure: Figure, number: int) -> None:
     """Write ``figure_N.png``."""
     FOLDER.mkdir(parents=True, exist_ok=True)
@@ -64,9 +82,10 @@ def figure_3() -> None:
     chain = load_arm('paredis_table_1')
     figure = Figure(figsize=(5.5, 6.5), layout='constrained')
     axes = figure.subplots()
-    draw_map(axes, slice_map(chain, 'rz', [0.0, -4.2], [4.2, 4.2], 8))
+    draw(axes, chain, slice_map(chain, 'rz', [0.0, -4.2], [4.2, 4.2], 7))
     points, _ = critical_values(chain, 6001)
     axes.plot(points[:, 0], points[:, 1], 'k.', markersize=0.4)
+    axes.set_xlim(0.0, 5.1)
     axes.set_title('Figure 3: FTWS of Table 1 (blue) and critical values (black)', fontsize=10)
     save(figure, 3)
 
@@ -78,7 +97,7 @@ def figure_4() -> None:
         figure.subplots(2, 3).ravel(), (180, 150, 120, 90, 60, 30), strict=True
     ):
         chain = limited('planar_4r', degrees)
-        draw_map(axes, slice_map(chain, 'xy', [-2.5, -3.0], [3.5, 3.0], 7))
+        draw(axes, chain, slice_map(chain, 'xy', [-2.5, -3.0], [3.5, 3.0], 6))
         axes.set_title(f'limits ±{degrees}°', fontsize=9)
     figure.suptitle('Figure 4: FTWS of the planar 4R arm with joint limits', fontsize=10)
     save(figure, 4)
@@ -91,7 +110,7 @@ def figure_5() -> None:
         figure.subplots(2, 3).ravel(), (180, 175, 170, 165, 160, 155), strict=True
     ):
         chain = limited('paredis_table_1', degrees)
-        draw_map(axes, slice_map(chain, 'xz', [-2.2, -2.2], [2.2, 2.2], 7))
+        draw(axes, chain, slice_map(chain, 'xz', [-2.2, -2.2], [2.2, 2.2], 6))
         axes.set_title(f'limits ±{degrees}°', fontsize=9)
     figure.suptitle('Figure 5: FTWS of Table 1 with joint limits, x-z plane', fontsize=10)
     save(figure, 5)
@@ -101,8 +120,8 @@ def figure_6() -> None:
     """Penalty of the innermost minimisation and isotropy over one frozen angle."""
     chain = load_arm('paredis_table_3')
     goal = Goal(np.array([1.35, 0.0, 0.6]))
-    name = chain.joint_names[1]
-    angles = np.linspace(chain.operating_lower[1], chain.operating_upper[1], 241)
+    name = chain.joint_names[0]
+    angles = np.linspace(chain.operating_lower[0], chain.operating_upper[0], 241)
     penalties, measures = [], []
     for angle in angles:
         rod = chain.freeze({name: float(angle)})
@@ -125,7 +144,7 @@ def figure_7() -> None:
     chain = load_arm('paredis_table_3')
     figure = Figure(figsize=(6.0, 6.0), layout='constrained')
     axes = figure.subplots()
-    draw_map(axes, slice_map(chain, 'xz', [-1.8, -1.8], [1.8, 1.8], 8))
+    draw(axes, chain, slice_map(chain, 'xz', [-1.8, -1.8], [1.8, 1.8], 7))
     axes.plot([0.5, 0.75], [0.5, 0.5], 'kx')
     axes.set_title('Figure 7: FTWS of Table 3 at ±150°, x-z plane, with p1 and p3', fontsize=10)
     save(figure, 7)

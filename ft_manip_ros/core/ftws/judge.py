@@ -59,7 +59,6 @@ def _find(
     goal: Array,
     combo: NDArray[np.int64],
     effort: Effort,
-    restarts: int,
     count: NDArray[np.int64],
     w: Work,
 ) -> tuple[float, float]:
@@ -73,7 +72,7 @@ def _find(
     best = math.inf
     certified = 0
     guess = 0.1
-    for _ in range(restarts):
+    for _ in range(effort.restarts):
         for i in range(n):
             if w.is_free[i]:
                 w.q[i] = chain.lower[i] + uniform(w.state) * (chain.upper[i] - chain.lower[i])
@@ -203,8 +202,7 @@ def cover(
             top = _halve(gaps, top, lo, hi, other)
             continue
         middle = w.q[combo[0]]
-        restarts = 3 if known_lost else effort.restarts
-        h, best = _find(chain, task, goal, combo, effort, restarts, count, w)
+        h, best = _find(chain, task, goal, combo, effort, count, w)
         if h == 0.0 and best > enough:
             outcome, distance = 1, 0.9 * best
             if not known_lost:

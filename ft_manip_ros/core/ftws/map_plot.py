@@ -8,6 +8,7 @@ from typing import Any
 import matplotlib
 import numpy as np
 from matplotlib.colors import ListedColormap
+from numpy.typing import NDArray
 
 from ft_manip_ros.core.errors import InputError
 from ft_manip_ros.core.ftws.ftws_map import FtwsMap
@@ -15,13 +16,32 @@ from ft_manip_ros.core.ftws.ftws_map import FtwsMap
 matplotlib.use('Agg')
 
 _COLOURS = ListedColormap(['#f4f4f4', '#e8a33d', '#3b7dd8'])
+# Cells of which only the centre was judged.
+_CENTRE_COLOURS = ListedColormap(['#dcdcdc', '#e8a33d', '#a9c8ee'])
 
 
-def draw_map(axes: Any, ftws_map: FtwsMap) -> None:
-    """Draw a two-dimensional map into matplotlib axes: member, not proved, non-member."""
+def draw_map(axes: Any, ftws_map: FtwsMap, centres: NDArray[np.int8] | None = None) -> None:
+    """Draw a two-dimensional map into matplotlib axes: member, not proved, non-member.
+
+    Parameters
+    ----------
+    centres : shape of the map's grid
+        Verdicts on the centres of the cells that are not proved as wholes, drawn paler.
+    """
     low, high = ftws_map.low, ftws_map.high
+    if centres is not None:
+        axes.imshow(
+            centres.T,
+            origin='lower',
+            extent=(low[0], high[0], low[1], high[1]),
+            cmap=_CENTRE_COLOURS,
+            vmin=-1,
+            vmax=1,
+            interpolation='nearest',
+        )
+    shown = ftws_map.grid if centres is None else np.ma.masked_equal(ftws_map.grid, 0)
     axes.imshow(
-        ftws_map.grid.T,
+        shown.T,
         origin='lower',
         extent=(low[0], high[0], low[1], high[1]),
         cmap=_COLOURS,

@@ -104,3 +104,19 @@ def test_limits_command_writes_arm_and_moveit_files(tmp_path, capsys):
     limits = yaml.safe_load(moveit.read_text())['joint_limits']
     assert list(limits) == ['joint_1', 'joint_2', 'joint_3']
     assert limits['joint_1']['max_position'] < 1.83
+
+
+def test_the_panda_has_no_strict_members_but_operating_limits():
+    arm = load_arm(
+        'package://example-robot-data/robots/panda_description/urdf/panda.urdf',
+        base='panda_link0',
+        tip='panda_hand',
+    )
+    points = np.array([[0.45, 0.0, 0.4], [0.3, 0.3, 0.6]])
+    for answer in query(arm, points):
+        # Shoulder and wrist are spherical: their distance depends on joint 4 alone.
+        assert answer.verdict is Verdict.NON_MEMBER
+        assert answer.joints == ('panda_joint4',)
+        assert 0.2 < answer.surviving_fraction['panda_joint4'] < 0.6
+        assert answer.surviving_fraction['panda_joint1'] == 1.0
+    assert find_operating_limits(arm, points).proved
