@@ -146,6 +146,8 @@ def _accept(memory: Memory, j: int, t: float, q: float, v: float, e: float) -> i
     level = lock_level(r)
     if level >= _FIRST_LEVEL and r.suspect_since == 0.0:
         r.suspect_since = t
+    if level < 1.0:
+        r.reached_since = t
     runaway = QUIET
     if r.state != _LATCHED[0] and r.state != _LATCHED[1]:
         if level < _FIRST_LEVEL and dt > 0.0:

@@ -129,6 +129,7 @@ _NUMBERS = (
     'threshold',
     'band',
     'suspect_since',
+    'reached_since',
     # tracking
     'lag',
     'lag_low',
@@ -136,6 +137,7 @@ _NUMBERS = (
     'lag_first',
     'offset',
     'envelope',
+    'rest_wander',
     'moved_s',
     'stick',
     'last_jerk',

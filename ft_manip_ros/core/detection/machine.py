@@ -51,6 +51,8 @@ _SUSPECT_LEVEL: Final = 0.5
 _CONTRADICTIONS: Final = 3
 _UNCOMMANDED_CARE: Final = 5  # times the confirm window, where no command is known
 _ACTIVE: Final = 0.3  # s that a joint counts as commanded after its command came to rest
+_LOAD_CHANGE: Final = 0.3  # s
+_SAG_SEEN: Final = 0.25  # of the slack
 _SLIP_SAMPLES: Final = 3
 
 
@@ -63,6 +65,12 @@ def lock_stage(r: Any, s: Any, level: float) -> int:
     enough = r.still_n >= harder * s.confirm_samples
     enough = enough and r.still_time >= harder * s.confirm_s - 1e-9
     if level < 1.0 or not enough:
+        return LOCK_FIRST
+    # A joint that is seen to sag at rest carries changing loads, and one of them may just hide its
+    # motion: it cannot go on hiding it.
+    wanders = r.rest_wander > _SAG_SEEN * r.slack
+    hidden = wanders and r.missing < 2.0 * r.envelope + r.threshold
+    if hidden and r.t - r.reached_since < _LOAD_CHANGE:
         return LOCK_FIRST
     if r.contradictions >= _CONTRADICTIONS or r.untrusted:
         return LOCK_CONTRADICTED

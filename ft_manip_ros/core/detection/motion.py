@@ -39,6 +39,7 @@ def judge_motion(r: Any, s: Any, ring_t: Array, ring_c: Array, t: float, q: floa
             r.drift_t = t
             r.drift_q = q
         away, before = abs(q - r.command - offset), abs(r.drift_q - r.command - offset)
+        r.rest_wander = max(abs(q - r.drift_q) - r.band, r.rest_wander)
         # Catching up is no runaway: the joint has to leave its command.
         if abs(q - r.drift_q) > r.drift and away > before + 0.5 * r.drift:
             cause = _UNCOMMANDED

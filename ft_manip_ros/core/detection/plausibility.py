@@ -28,6 +28,8 @@ _CONSISTENT_SAMPLES: Final = 5
 _CONSISTENT_TIME: Final = 0.1  # s
 _GOOD_SAMPLES: Final = 5
 _GOOD_TIME: Final = 0.05  # s
+_RESTING: Final = 10  # samples in one place: slow motion leaves it sooner
+_SELDOM: Final = 0.02  # share of repeats: drives that hunt and then settle repeat more often
 _ENOUGH_COMPARISONS: Final = 300
 _NOISE_REVERSALS: Final = 0.4  # share of changes; white noise has 2/3
 _FINE: Final = 2.0  # steps that noise spans on an encoder too fine to repeat itself
@@ -120,7 +122,7 @@ def repeats_unlike_itself(r: Any, t: float, raw: float, dead_s: float) -> bool:
     if raw != r.raw_1:
         if r.repeat_run > 0:
             r.longest_repeat = max(r.longest_repeat, t - r.repeat_since)
-        if r.still_n > 2:
+        if r.still_n > _RESTING:
             r.comparisons += r.repeat_run + 1
             r.changes += 1
             r.change_sum += abs(raw - r.raw_1)
@@ -139,5 +141,5 @@ def repeats_unlike_itself(r: Any, t: float, raw: float, dead_s: float) -> bool:
     if r.change_sum < _FINE * r.quantum * r.changes:
         return False
     chance = (r.comparisons - r.changes + 1.0) / (r.comparisons + 1.0)
-    unlikely = r.repeat_run * np.log(chance) < _LOG_IMPOSSIBLE
+    unlikely = chance < _SELDOM and r.repeat_run * np.log(chance) < _LOG_IMPOSSIBLE
     return unlikely and t - r.repeat_since >= max(dead_s, 5.0 * r.longest_repeat)

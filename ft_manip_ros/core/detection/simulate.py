@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import lfilter
 
 from ft_manip_ros.core.detection.recording import Recording
 
@@ -159,7 +160,8 @@ def simulate(
         )
         truth[:, j] = column
     # A payload comes and goes within half a second.
-    carried = 0.5 + 0.5 * np.tanh(4.0 * np.sin(2.0 * np.pi * times / rng.uniform(20.0, 60.0)))
+    cycle = rng.uniform(20.0, 60.0)
+    carried = 0.5 + 0.5 * np.tanh(0.7 * cycle * np.sin(2.0 * np.pi * times / cycle))
     truth = truth + arm.offset + arm.sag * np.sin(truth) + arm.payload * carried[:, None]
     readings = read_encoders(rng, arm, truth)
     speeds = filtered_velocity(times, readings)
@@ -180,16 +182,9 @@ def read_encoders(rng: np.random.Generator, arm: ArmModel, truth: Array) -> Arra
 
 def filtered_velocity(times: Array, readings: Array) -> Array:
     """Velocities (K, n) as drivers report them: differences through a low-pass filter."""
-    raw = (
-        np.diff(readings, axis=0, prepend=readings[:1])
-        / np.diff(times, prepend=times[0] - 1.0)[:, None]
-    )
-    out = np.empty_like(raw)
-    state = np.zeros(raw.shape[1])
-    for k, row in enumerate(raw):
-        state = 0.95 * state + 0.05 * row
-        out[k] = state
-    return out
+    steps = np.diff(times, prepend=times[0] - 1.0)[:, None]
+    raw = np.diff(readings, axis=0, prepend=readings[:1]) / steps
+    return np.asarray(lfilter([0.05], [1.0, -0.95], raw, axis=0))
 
 
 def arm_effort(rng: np.random.Generator, times: Array, truth: Array) -> Array:

@@ -21,7 +21,7 @@ _ENVELOPE_MEMORY = 120.0  # s of motion
 _PACE = 20.0  # times the slowest motion: where lag begins to show
 _AS_GOOD = 1.1  # ratio of variances below which two lags explain the motion alike
 _QUICK = 1.5  # s within which loads do not change at all
-_WANDER = 3.0  # s within which loads do not change much
+_WANDER = 1.5  # s within which loads do not change much
 _STICK_FACTOR = 1.5
 
 
