@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+from functools import partial
 
 import numpy as np
 
@@ -29,6 +30,7 @@ _LEAD = 0.4
 _SECOND = 1_000_000_000
 _SETTLING = 0.6  # s, after the last planned motion
 _PROOF_TIME = 5.0  # s
+_ATTEMPTS = 3
 _FATES = {
     GoalReport.REACHABLE: 'reachable',
     GoalReport.RELAXED: 'relaxed',
@@ -102,10 +104,7 @@ def execute(
     StoryError
         If something does not happen at all; what happens wrongly is in the record's problems.
     """
-    observer.publish_task(task_to_message(task, observer.now(), FRAME))
-    timeline.line('demo', f'task {task.name} published, {len(task.goals)} points')
-    start, path = observer.until(lambda: _commands(observer, chain), 20.0, 'a trajectory')[0]
-    plan = observer.until(lambda: observer.task_plans, 10.0, 'the plan of the task')[-1][1]
+    start, path, plan = _begin(chain, task, observer, timeline)
     arrivals = [goal.arrival for goal in plan.goals if np.isfinite(goal.arrival)]
     if not arrivals:
         raise StoryError(f'the healthy arm cannot start the task: {plan.reason}')
@@ -117,6 +116,43 @@ def execute(
     _watch(record, observer, timeline)
     _measure(record, observer)
     return record
+
+
+def _begin(
+    chain: SerialChain, task: Task, observer: Observer, timeline: Timeline
+) -> tuple[int, JointPath, RecoveryPlan]:
+    """Publish the task until arm and monitor both know the motion: start, path and plan of it.
+
+    A trajectory is lost on a listener that its sender has not discovered yet, and only the
+    listener can tell: the monitor names the command it knows with every state.
+    """
+    for attempt in range(1, _ATTEMPTS + 1):
+        sent = observer.now()
+        observer.publish_task(task_to_message(task, sent, FRAME))
+        timeline.line('demo', f'task {task.name} published, {len(task.goals)} points')
+        observer.until(partial(_has_plans, observer, attempt), 20.0, 'a plan')
+        plan = observer.task_plans[-1][1]
+        if not plan.trajectory.points:
+            raise StoryError(f'the healthy arm cannot start the task: {plan.reason}')
+        with contextlib.suppress(SilenceError):
+            observer.until(partial(_is_followed, observer, sent), 2.0, 'the motion')
+            path = path_from_message(plan.trajectory, chain.joint_names)
+            return nanoseconds(plan.trajectory.header.stamp), path, plan
+    raise StoryError('the fault monitor does not hear what the arm is commanded to do')
+
+
+def _has_plans(observer: Observer, count: int) -> bool:
+    return len(observer.task_plans) >= count
+
+
+def _is_followed(observer: Observer, since: int) -> bool:
+    """Whether the monitor has seen a joint follow a command that it knows."""
+    return any(
+        joint.state == JointFault.OK and np.isfinite(joint.commanded_position)
+        for heard, message in observer.faults
+        if heard > since
+        for joint in message.joints
+    )
 
 
 def _lock(record: Record, at: int, observer: Observer) -> None:
@@ -182,7 +218,9 @@ def _measure(record: Record, observer: Observer) -> None:
     record.positions = np.array(
         [chain.vector(dict(zip(m.name, m.position, strict=True))) for m in states]
     )
-    record.commands = _commands(observer, chain)
+    record.commands = [
+        (start, path) for start, path in _commands(observer, chain) if start >= record.started
+    ]
     stands = record.positions[record.stamps > record.locked_at + _SECOND // 10]
     record.frozen_truth = float(np.median(stands[:, chain.index(record.joint)]))
     record.falsely_locked = tuple(
