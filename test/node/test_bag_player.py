@@ -35,7 +35,7 @@ def test_a_node_on_recorded_time_finds_the_fault(
     )
     events = probe.listen(JointFault, topics.FAULT_EVENTS, topics.EVENT_QOS)
     monitor = start_node('fault_monitor', params={'use_sim_time': True})
-    monitor.wait_for('active')
+    monitor.wait_for('active', 200.0)
     ftmanip = shutil.which('ftmanip')
     assert ftmanip
     until = (nanoseconds(recorded.stamp) - bag.start) * 1e-9 + 1.0
@@ -43,7 +43,7 @@ def test_a_node_on_recorded_time_finds_the_fault(
     player = start_process(
         ftmanip, 'replay', str(CASE), '--live', '--rate', str(RATE), '--to', str(until)
     )
-    probe.until(lambda: not player.running, 60.0, 'the player to end')
+    probe.until(lambda: not player.running, 200.0, 'the player to end')
     assert player.wait(1.0) == 0, player.output
     assert time.monotonic() - begin > until / RATE
     locked = [event for event in events if event.state == JointFault.LOCKED]
@@ -59,7 +59,7 @@ def test_nobody_listens(
     start_process: Callable[..., Any], ros_domain: int, capsys: pytest.CaptureFixture[str]
 ) -> None:
     player = start_process(shutil.which('ftmanip'), 'replay', str(CASE), '--live')
-    assert player.wait(60.0) == 1
+    assert player.wait(200.0) == 1, player.output
     assert 'nobody subscribed' in player.output
     assert main(['replay', str(CASE), '--live', '--rate', '0']) == 2
     assert '--rate' in capsys.readouterr().err
