@@ -91,7 +91,8 @@ def slices() -> None:
         print(
             f'±{degrees:3.0f}°  {count[0]:7d} {count[1]:5d} {count[2]:5d} | '
             f'{proved:12.3f} {np.median(times):7.3f} {np.quantile(times, 0.99):5.2f} | '
-            f'{sampled:8.3f} (x{sampled / proved:.1f}) {scripted:9.1f} '
+            f'{sampled:8.3f} (x{sampled / proved:.1f})'
+            f' {scripted:9.1f} '
             f'(x{scripted / proved:.0f}); '
             f'sampling overlooks {wrong} lost points',
             flush=True,
