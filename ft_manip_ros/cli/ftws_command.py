@@ -40,7 +40,7 @@ def add_parser(subparsers: Any) -> None:
     parser.add_argument('--tip', help='tip link, for a URDF')
     parser.add_argument(
         '--point', nargs='+', type=float, action='append', default=[], metavar='V',
-        help='X Y Z (m), or X Y Z QX QY QZ QW; may be repeated',
+        help='X Y Z ... (m), or X Y Z QX QY QZ QW ...; may be repeated',
     )  # fmt: skip
     parser.add_argument('--points', help='CSV file of points (x,y,z[,qx,qy,qz,qw])')
     parser.add_argument('--order', type=int, default=1, help='joints that fail at once')
@@ -74,7 +74,7 @@ def run(args: argparse.Namespace) -> int:
         return _run_map(args, arm)
     if args.plot or args.map:
         raise InputError('--grid', f'is missing; --plot and --map need one of {", ".join(GRIDS)}')
-    points = [_row(values) for values in args.point]
+    points = [row for values in args.point for row in _rows(values, args.mode)]
     if args.points:
         points.extend(read_points(args.points))
     if not points:
@@ -140,12 +140,14 @@ def _run_map(args: argparse.Namespace, arm: SerialChain) -> int:
     return 0 if ftws_map.complete else 130
 
 
-def _row(values: list[float]) -> list[float]:
-    if len(values) not in (3, 7):
-        raise InputError('--point', f'has {len(values)} numbers; 3 (x y z) or 7 are needed')
+def _rows(values: list[float], mode: str) -> list[list[float]]:
+    """Points or poses out of the numbers behind one ``--point``."""
+    width = 7 if len(values) % 7 == 0 and (mode == 'pose' or len(values) % 3 != 0) else 3
+    if len(values) % width != 0:
+        raise InputError('--point', f'has {len(values)} numbers; 3 a point or 7 a pose are needed')
     if not np.isfinite(values).all():
         raise InputError('--point', 'contains NaN or infinity')
-    return values
+    return [values[k : k + width] for k in range(0, len(values), width)]
 
 
 def describe(result: FtwsResult) -> str:

@@ -64,7 +64,7 @@ class Observer(ManagedNode):
             (FaultState, topics.FAULT_STATE, 'faults', topics.LATCHED_QOS),
             (RecoveryPlan, topics.TASK_PLAN, 'task_plans', topics.LATCHED_QOS),
             (RecoveryPlan, topics.RECOVERY_PLAN, 'plans', topics.LATCHED_QOS),
-            (DesignCandidate, topics.DESIGN_CANDIDATES, 'candidates', topics.EVENT_QOS),
+            (DesignCandidate, topics.DESIGN_CANDIDATES, 'candidates', topics.HISTORY_QOS),
         ):
             self.subscribe(message_type, topic, self._keep_in(name), qos)
         self.subscribe(DesignCandidate, topics.DESIGN_FINAL, self._on_final, topics.LATCHED_QOS)

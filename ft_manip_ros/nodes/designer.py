@@ -62,7 +62,7 @@ class Designer(ManagedNode):
         self._first = make_request(self._task, self._spec, self._settings)
         self._frame = self.param('frame')
         self._candidates = self.advertise(
-            DesignCandidate, topics.DESIGN_CANDIDATES, topics.EVENT_QOS
+            DesignCandidate, topics.DESIGN_CANDIDATES, topics.HISTORY_QOS
         )
         self._best = self.advertise(DesignCandidate, topics.DESIGN_BEST, topics.LATCHED_QOS)
         self._final = self.advertise(DesignCandidate, topics.DESIGN_FINAL, topics.LATCHED_QOS)

@@ -23,11 +23,11 @@ def reliable(depth: int) -> QoSProfile:
     )
 
 
-def latched() -> QoSProfile:
-    """Reliable, and the last message also reaches those who subscribe later."""
+def latched(depth: int = 1) -> QoSProfile:
+    """Reliable, and the last ``depth`` messages also reach those who subscribe later."""
     return QoSProfile(
         history=HistoryPolicy.KEEP_LAST,
-        depth=1,
+        depth=depth,
         reliability=ReliabilityPolicy.RELIABLE,
         durability=DurabilityPolicy.TRANSIENT_LOCAL,
     )
@@ -38,6 +38,8 @@ SENSOR_QOS: Final = qos_profile_sensor_data
 COMMAND_QOS: Final = reliable(10)
 EVENT_QOS: Final = reliable(100)
 LATCHED_QOS: Final = latched()
+# A search may be over before anyone has joined, and none of its candidates may be missed.
+HISTORY_QOS: Final = latched(1000)
 # Every request and response must reach the recorder.
 SERVICE_EVENT_QOS: Final = reliable(100)
 
@@ -48,7 +50,7 @@ FAULT_STATE: Final = 'fault_state'  # ft_manip_interfaces/FaultState, LATCHED_QO
 FAULT_EVENTS: Final = 'fault_events'  # ft_manip_interfaces/JointFault, EVENT_QOS
 RECOVERY_PLAN: Final = 'recovery_plan'  # ft_manip_interfaces/RecoveryPlan, LATCHED_QOS
 TASK_PLAN: Final = 'replanner/task_plan'  # RecoveryPlan of the healthy arm, LATCHED_QOS
-DESIGN_CANDIDATES: Final = 'design/candidates'  # DesignCandidate, EVENT_QOS
+DESIGN_CANDIDATES: Final = 'design/candidates'  # DesignCandidate, HISTORY_QOS
 DESIGN_BEST: Final = 'design/best'  # DesignCandidate, LATCHED_QOS
 DESIGN_FINAL: Final = 'design/final'  # DesignCandidate, LATCHED_QOS
 ROBOT_DESCRIPTION: Final = 'robot_description'  # std_msgs/String (URDF), LATCHED_QOS

@@ -87,7 +87,7 @@ def hopeless(**fields):
 
 
 def test_it_designs_for_its_default_task_at_once(start_node, probe):
-    candidates = probe.listen(DesignCandidate, topics.DESIGN_CANDIDATES, topics.EVENT_QOS)
+    candidates = probe.listen(DesignCandidate, topics.DESIGN_CANDIDATES, topics.HISTORY_QOS)
     best = probe.listen(DesignCandidate, topics.DESIGN_BEST, topics.LATCHED_QOS)
     final = probe.listen(DesignCandidate, topics.DESIGN_FINAL, topics.LATCHED_QOS)
     urdf = probe.listen(String, topics.ROBOT_DESCRIPTION, topics.LATCHED_QOS)
