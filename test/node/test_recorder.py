@@ -1,4 +1,4 @@
-"""The recorder as a process: everything that was sent is in the bag, byte for byte."""
+"""The recorder as a process: everything that was sent is in the bag, field for field."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from ft_manip_interfaces.msg import FaultState, JointFault, Task, TaskGoal
 from ft_manip_interfaces.srv import InjectFault
 from ft_manip_ros.bags.reader import Bag, open_bag
 from ft_manip_ros.nodes import topics
-from support.cdr import cdr
+from support.cdr import canonical, cdr
 
 pytestmark = pytest.mark.node
 
@@ -76,7 +76,7 @@ def test_everything_sent_is_in_the_bag(
 
     assert 'none lost' in recorder.output
     assert bag.notes == []
-    recorded = [m.data for m in bag.messages(['/joint_states'])]
+    recorded = [canonical(m.type_name, m.data) for m in bag.messages(['/joint_states'])]
     assert recorded == [cdr(joint_state(i)) for i in range(COUNT)]
     assert [bag.decode(m).name for m in bag.messages(['/task'])] == ['eq_11']
     assert [bag.decode(m).frozen_joints for m in bag.messages(['/fault_state'])] == [['joint_2']]

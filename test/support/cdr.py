@@ -1,4 +1,8 @@
-"""CDR bytes of ROS messages as they go over the wire, without rclpy's spare bytes at the end."""
+"""CDR bytes of ROS messages in a form that can be compared.
+
+rclpy's serializer leaves whatever was in memory in the bytes that align fields, and spare bytes at
+the end, so that the same message may be serialized to different bytes each time.
+"""
 
 from __future__ import annotations
 
@@ -25,11 +29,14 @@ def _store(type_name: str) -> Typestore:
     return store
 
 
+def canonical(type_name: str, data: bytes) -> bytes:
+    """The same message with zeros between its fields and nothing after the last one."""
+    store = _store(type_name)
+    definition = store.get_msgdef(type_name)
+    message, _ = definition.deserialize_cdr_le(data[4:], 0, definition.cls, store)
+    return bytes(store.serialize_cdr(message, type_name))
+
+
 def cdr(message: Any) -> bytes:
-    """Serialize a message and cut it to its own length."""
-    data = serialize_message(message)
-    name = type_name_of(message)
-    store = _store(name)
-    definition = store.get_msgdef(name)
-    _, length = definition.deserialize_cdr_le(data[4:], 0, definition.cls, store)
-    return data[: 4 + length]
+    """Serialize a message to its canonical bytes."""
+    return canonical(type_name_of(message), serialize_message(message))
