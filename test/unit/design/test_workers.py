@@ -6,6 +6,7 @@ import time
 import numpy as np
 import psutil
 import pytest
+from distributed import LocalCluster
 
 from ft_manip_ros.core.design.search import design_arm
 from ft_manip_ros.core.design.settings import DesignSettings
@@ -65,18 +66,32 @@ def test_a_killed_process_costs_time_not_the_search():
     assert found == expected
 
 
-def test_a_dask_cluster_does_what_threads_do():
-    distributed = pytest.importorskip('distributed')
-    expected = search()
-    with distributed.LocalCluster(
+def test_a_dask_cluster_does_what_threads_do_and_survives_a_killed_worker():
+    expected = search(segments=24)
+    # Processes of their own, each looked after by a nanny that starts a killed one anew.
+    with LocalCluster(
         n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
     ) as cluster:
-        found = search(workers=2, scheduler=cluster.scheduler_address)
-    assert found == expected
+        address = cluster.scheduler_address
+        victims = {nanny.pid for nanny in cluster.workers.values()}
+        killed = []
+
+        def kill_one(*_):
+            if not killed:
+                killed.append(victims.pop())
+                psutil.Process(killed[0]).kill()
+
+        result = design_arm(
+            TASK,
+            HOPELESS,
+            DesignSettings(max_segments=24, workers=2, scheduler=address, time_budget=300.0),
+            on_candidate=kill_one,
+        )
+    assert killed
+    assert outcome(result) == expected
 
 
 def test_a_scheduler_that_does_not_answer_is_named():
-    pytest.importorskip('distributed')
     with pytest.raises(InputError, match='scheduler'):
         search(scheduler='not an address')
 
