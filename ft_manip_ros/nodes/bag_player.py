@@ -23,6 +23,7 @@ _CLOCK_STEP = 10_000_000  # ns of recorded time
 _FIRST_TICKS = 10
 _WAIT = 10.0  # s, for somebody who listens
 _LEAST_DEPTH = 100
+_LARGEST_BURST = 0.02  # s of wall time that may be made up for
 _LINGER = 0.5  # s, for reliable messages to arrive before the publishers go
 
 
@@ -65,7 +66,7 @@ def play(bag: Bag, *, rate: float = 1.0, start: int | None = None, end: int | No
             )
             for topic in chosen
         }
-        if not _somebody_listens(list(publishers.values())):
+        if not _somebody_listens(list(publishers.values()), clock):
             print(f'nobody subscribed to {", ".join(publishers)} within {_WAIT:g} s')
             return 1
         count = 0
@@ -83,7 +84,11 @@ def play(bag: Bag, *, rate: float = 1.0, start: int | None = None, end: int | No
 
 
 class _Pace:
-    """Advances /clock in small steps, in step with the wall clock."""
+    """Advances /clock in small steps, never faster than asked.
+
+    Where the machine stutters the recorded time stands still with it: a burst that makes up for
+    lost time would overflow the queues of those who listen.
+    """
 
     def __init__(self, clock: Publisher, rate: float) -> None:
         self._clock = clock
@@ -100,12 +105,14 @@ class _Pace:
                 self._clock.publish(Clock(clock=stamp(to)))
                 time.sleep(_LINGER / _FIRST_TICKS)
             self._origin, self._now = (to, time.monotonic()), to
-        first, began = self._origin
         while self._now < to:
             self._now = min(self._now + _CLOCK_STEP, to)
+            first, began = self._origin
             left = began + (self._now - first) * 1e-9 / self._rate - time.monotonic()
             if left > 0.0:
                 time.sleep(left)
+            elif left < -_LARGEST_BURST:
+                self._origin = self._now, time.monotonic()
             self._clock.publish(Clock(clock=stamp(self._now)))
 
 
@@ -114,14 +121,19 @@ def _publish(publisher: Publisher, message: BagMessage) -> None:
     publisher.publish(message.data)
 
 
-def _somebody_listens(publishers: list[Publisher]) -> bool:
+def _somebody_listens(publishers: list[Publisher], clock: Publisher) -> bool:
+    """Wait for the first subscriber, and for those who are found together with it."""
     deadline = time.monotonic() + _WAIT
+    known, since = (0, 0), time.monotonic()
     while time.monotonic() < deadline:
-        if any(publisher.get_subscription_count() for publisher in publishers):
-            time.sleep(_LINGER)  # those who start together are found together
-            return True
+        listeners = sum(publisher.get_subscription_count() for publisher in publishers)
+        found = listeners, clock.get_subscription_count()
+        if found != known:
+            known, since = found, time.monotonic()
+        elif listeners and time.monotonic() - since > _LINGER:
+            break
         time.sleep(0.05)
-    return False
+    return known[0] > 0
 
 
 def _qos(offered: tuple[QosProfile, ...]) -> QoSProfile:

@@ -78,7 +78,7 @@ class FaultMonitorNode(ManagedNode):
             DiagnosticArray, topics.DIAGNOSTICS, topics.COMMAND_QOS
         )
         self.subscribe(
-            JointStateMessage, topics.JOINT_STATES, self._on_joint_state, topics.SENSOR_QOS
+            JointStateMessage, topics.JOINT_STATES, self._on_joint_state, topics.EVIDENCE_QOS
         )
         self.subscribe(
             JointTrajectory, topics.JOINT_TRAJECTORY, self._on_trajectory, topics.COMMAND_QOS
