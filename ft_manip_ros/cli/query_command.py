@@ -15,6 +15,9 @@ from ft_manip_ros.core.ftws.verdict import FtwsResult, Verdict
 if TYPE_CHECKING:
     from ft_manip_interfaces.srv import QueryFtws
 
+# A request that is sent in the moment between our seeing the node and its seeing us is lost.
+_SETTLE_TIME = 0.2  # s
+
 MODES = ('position', 'pose', 'dextrous')
 
 
@@ -131,9 +134,14 @@ def _ask(rows: list[list[float]], arguments: argparse.Namespace) -> QueryFtws.Re
     executor.add_node(node)
     client = node.create_client(QueryFtws, name)
     deadline = time.monotonic() + arguments.wait
+    settled = time.monotonic() + _SETTLE_TIME
     try:
         while time.monotonic() < deadline:
             if not client.service_is_ready():
+                executor.spin_once(timeout_sec=0.05)
+                settled = time.monotonic() + _SETTLE_TIME
+                continue
+            if time.monotonic() < settled:
                 executor.spin_once(timeout_sec=0.05)
                 continue
             future = client.call_async(request)

@@ -120,8 +120,7 @@ def test_no_points_is_a_fair_question(ask_once):
 def test_a_huge_batch_keeps_its_budget_and_blocks_nobody(ask, probe):
     request = QueryFtws.Request(time_budget=3.0)
     request.poses = [pose(0.5 + 1e-6 * i, 0.0, 0.5) for i in range(4_000)]
-    client = probe.node.create_client(QueryFtws, topics.QUERY_FTWS)
-    probe.until(client.service_is_ready, 20.0, 'the service')
+    client = probe.client(QueryFtws, topics.QUERY_FTWS)
     future = client.call_async(request)
     # Meanwhile the node answers others.
     states = []
@@ -141,8 +140,7 @@ def test_a_huge_batch_keeps_its_budget_and_blocks_nobody(ask, probe):
 def test_deactivation_ends_a_batch_and_a_stop_does_not_wait_for_it(ask, probe):
     request = QueryFtws.Request(time_budget=600.0)
     request.poses = [pose(0.5 + 1e-6 * i, 0.0, 0.5) for i in range(4_000)]
-    client = probe.node.create_client(QueryFtws, topics.QUERY_FTWS)
-    probe.until(client.service_is_ready, 20.0, 'the service')
+    client = probe.client(QueryFtws, topics.QUERY_FTWS)
     future = client.call_async(request)
     probe.until(lambda: 'judging 4000' in ask.node.output, 20.0, 'the start of the batch')
     change = ChangeState.Request()

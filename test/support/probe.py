@@ -6,10 +6,14 @@ import time
 from collections.abc import Callable
 from typing import Any
 
+from rclpy.client import Client
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
+
+# What is sent in the moment between our seeing the other side and its seeing us is lost.
+_SETTLE_TIME = 0.2  # s
 
 
 class Probe:
@@ -29,6 +33,8 @@ class Probe:
         self.node = Node(name, context=self.context, enable_rosout=False)
         self._executor = SingleThreadedExecutor(context=self.context)
         self._executor.add_node(self.node)
+        self._clients: dict[str, Client] = {}
+        self._settled: set[str] = set()
 
     def until(self, condition: Callable[[], Any], timeout: float, what: str) -> Any:
         """Spin until `condition()` is true and return its value."""
@@ -57,18 +63,25 @@ class Probe:
         """Create a publisher and wait until somebody listens."""
         publisher = self.node.create_publisher(message_type, topic, qos)
         self.until(publisher.get_subscription_count, timeout, f'a subscriber of {topic}')
+        self.spin_for(_SETTLE_TIME)
         return publisher
+
+    def client(self, service_type: Any, name: str, *, timeout: float = 60.0) -> Client:
+        """Return the one client of a service as soon as the service can be asked."""
+        if name not in self._clients:
+            self._clients[name] = self.node.create_client(service_type, name)
+        client = self._clients[name]
+        if name not in self._settled or not client.service_is_ready():
+            self.until(client.service_is_ready, timeout, f'service {name}')
+            self.spin_for(_SETTLE_TIME)
+            self._settled.add(name)
+        return client
 
     def call(self, service_type: Any, name: str, request: Any, *, timeout: float = 60.0) -> Any:
         """Call a service as soon as it exists and return its response."""
-        client = self.node.create_client(service_type, name)
-        try:
-            self.until(client.service_is_ready, timeout, f'service {name}')
-            future = client.call_async(request)
-            self.until(future.done, timeout, f'the answer of {name}')
-            return future.result()
-        finally:
-            self.node.destroy_client(client)
+        future = self.client(service_type, name, timeout=timeout).call_async(request)
+        self.until(future.done, timeout, f'the answer of {name}')
+        return future.result()
 
     def close(self) -> None:
         """Destroy the node and leave the domain."""
