@@ -77,8 +77,12 @@ class FaultMonitorNode(ManagedNode):
         self._diagnostics = self.create_publisher(
             DiagnosticArray, topics.DIAGNOSTICS, topics.COMMAND_QOS
         )
+        replayed = self.get_parameter('use_sim_time').value
         self.subscribe(
-            JointStateMessage, topics.JOINT_STATES, self._on_joint_state, topics.EVIDENCE_QOS
+            JointStateMessage,
+            topics.JOINT_STATES,
+            self._on_joint_state,
+            topics.REPLAY_QOS if replayed else topics.SENSOR_QOS,
         )
         self.subscribe(
             JointTrajectory, topics.JOINT_TRAJECTORY, self._on_trajectory, topics.COMMAND_QOS

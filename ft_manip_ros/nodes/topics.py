@@ -35,9 +35,9 @@ def latched(depth: int = 1) -> QoSProfile:
 
 # Best effort: a late sample of a joint is worth nothing.
 SENSOR_QOS: Final = qos_profile_sensor_data
-# The fault monitor goes by the stamps: to it a late sample is worth as much as any, and a lost one
-# is lost evidence. Room for a machine that stutters for half a second at 1 kHz.
-EVIDENCE_QOS: Final = QoSProfile(
+# On recorded time a late sample is worth as much as any, and a lost one is lost evidence: room for
+# a machine that stutters. Not on the wall clock, by which commands without a stamp are timed.
+REPLAY_QOS: Final = QoSProfile(
     history=HistoryPolicy.KEEP_LAST,
     depth=500,
     reliability=ReliabilityPolicy.BEST_EFFORT,
