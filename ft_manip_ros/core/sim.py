@@ -15,8 +15,9 @@ from ft_manip_ros.core.joint_path import JointPath
 
 # The servo equations are integrated at this fixed step (s), whoever asks when.
 STEP = 1e-3
-# A path may leave the limits by what rounding does to it (rad or m).
-_LIMIT_SLACK = 1e-6
+# How far a path may leave the limits, as part of the range: a stop that begins beside a limit
+# ends beyond it, and the mechanical stop takes the rest.
+_LIMIT_SLACK = 0.02
 
 
 @dataclass(frozen=True)
@@ -136,13 +137,12 @@ class SimulatedArm:
         Raises
         ------
         InputError
-            For unknown, missing or repeated joints and for positions beyond the physical
+            For unknown, missing or repeated joints and for positions clearly beyond the physical
             limits; the arm then goes on with what it was doing.
         """
         path = path.ordered(self.chain.joint_names)
-        outside = (path.positions < self._lower - _LIMIT_SLACK) | (
-            path.positions > self._upper + _LIMIT_SLACK
-        )
+        slack = _LIMIT_SLACK * (self._upper - self._lower)
+        outside = (path.positions < self._lower - slack) | (path.positions > self._upper + slack)
         if outside.any():
             point, joint = (int(k) for k in np.argwhere(outside)[0])
             raise InputError(

@@ -62,8 +62,14 @@ class Replanner(ManagedNode):
         self._chain = load_arm_parameter(self)
         self._settings = planning_settings(self)
         self._executive = Executive(
-            self._chain, self._settings, watching_settings(self), self._checker()
+            self._chain,
+            self._settings,
+            watching_settings(self),
+            self._checker(),
+            lambda: int(self.get_clock().now().nanoseconds),
         )
+        # The message that a plan is owed to, and when it came.
+        self._owed: tuple[Header, float] | None = None
         self._frame = ''
         self._described: dict[str, float] = {}
         self._trajectories = self.advertise(
@@ -134,7 +140,8 @@ class Replanner(ManagedNode):
             self.get_logger().info(
                 f'goal {goal.id or goal.index} reached within {goal.position_error * 1e3:.3f} mm'
             )
-        self._carry_out(decision, message.header, arrived)
+        if decision is not None:
+            self._carry_out(decision, *(self._owed or (message.header, arrived)))
 
     def _on_task(self, message: TaskMessage) -> None:
         arrived = time.monotonic()
@@ -154,7 +161,10 @@ class Replanner(ManagedNode):
     def _carry_out(self, decision: Decision | None, header: Header, arrived: float) -> None:
         """Send what was decided; ``header`` is that of the message which it answers."""
         if decision is None:
+            if self._executive.waiting:
+                self._owed = header, arrived
             return
+        self._owed = None
         task = self._executive.task
         report = plan_to_message(decision.plan, task.name if task else '', header, decision.stamp)
         if decision.plan.trajectory is not None and not decision.restated:

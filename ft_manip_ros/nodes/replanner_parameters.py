@@ -87,14 +87,22 @@ PARAMETERS = (
         60.0,
     ),
     ParameterSpec(
+        'freshness',
+        0.1,
+        'A measured state that has waited this long is passed over where newer ones are coming.',
+        's',
+        0.001,
+        60.0,
+    ),
+    ParameterSpec(
         'patience',
-        1.0,
+        0.4,
         'How long after the last arrival missed goals are tried again.',
         's',
         0.1,
         60.0,
     ),
-    ParameterSpec('retries', 2, 'How often missed goals are tried again.', '', 0, 100),
+    ParameterSpec('retries', 5, 'How often missed goals are tried again.', '', 0, 100),
 )
 
 
@@ -120,6 +128,7 @@ def watching_settings(node: ManagedNode) -> ExecutiveSettings:
     """Return how to watch the arm."""
     return ExecutiveSettings(
         state_timeout=node.param('state_timeout'),
+        freshness=node.param('freshness'),
         patience=node.param('patience'),
         retries=node.param('retries'),
     )

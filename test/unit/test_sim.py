@@ -135,6 +135,14 @@ def test_stops_at_a_mechanical_limit_it_is_driven_over():
     assert np.all(arm.position == 0.0)
 
 
+def test_a_path_a_little_over_a_limit_is_followed_to_the_mechanical_stop():
+    arm = SimulatedArm(two_joints(lower=-1.0, upper=1.0, velocity=2.0), QUIET)
+    arm.follow(ramp(1.0, 1.03))
+    arm.advance(2.0)
+    assert arm.position[0] == 1.0
+    assert arm.velocity[0] == 0.0
+
+
 def test_default_start_is_within_limits_that_exclude_zero():
     arm = SimulatedArm(two_joints(lower=-3.0, upper=-1.0), QUIET)
     np.testing.assert_allclose(arm.position, -2.0)

@@ -15,6 +15,9 @@ class ExecutiveSettings:
     ----------
     state_timeout
         A measured state older than this (s) is not planned from.
+    freshness
+        Where newer states are on their way, a state that has waited this long (s) to be planned
+        from is passed over.
     velocity_window
         Where joint states carry no velocities, they are fitted to the positions of this long (s).
     patience
@@ -24,9 +27,10 @@ class ExecutiveSettings:
     """
 
     state_timeout: float = 0.5
+    freshness: float = 0.1
     velocity_window: float = 0.05
-    patience: float = 1.0
-    retries: int = 2
+    patience: float = 0.4
+    retries: int = 5
 
 
 @dataclass(frozen=True, eq=False)

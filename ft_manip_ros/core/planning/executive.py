@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from collections import deque
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -15,11 +13,14 @@ from ft_manip_ros.core.goal import Goal, Task
 from ft_manip_ros.core.planning.collision import CollisionChecker
 from ft_manip_ros.core.planning.decision import Decision, ExecutiveSettings, Visited
 from ft_manip_ros.core.planning.margins import tool_errors
+from ft_manip_ros.core.planning.measured import MeasuredStates
 from ft_manip_ros.core.planning.proof import Proof
 from ft_manip_ros.core.planning.replan import plan_task
 from ft_manip_ros.core.planning.settings import PlanSettings
 
 _SECOND = 1_000_000_000
+# States that may be passed over as too old before one is planned from all the same.
+_PASSED_OVER = 20
 
 
 @dataclass(eq=False)
@@ -45,6 +46,9 @@ class Executive:
         Settings.
     checker
         Of bodies that must not touch; None: nothing is checked.
+    clock
+        Returns now (ns) on the clock of the stamps; None: as a replay, no state is too old for
+        having waited.
     """
 
     def __init__(
@@ -53,6 +57,7 @@ class Executive:
         planning: PlanSettings | None = None,
         watching: ExecutiveSettings | None = None,
         checker: CollisionChecker | None = None,
+        clock: Callable[[], int] | None = None,
     ) -> None:
         self.chain = chain
         self.planning = planning or PlanSettings()
@@ -61,9 +66,11 @@ class Executive:
         self.frozen: dict[str, float] = {}
         self.sigma: dict[str, float] = {}
         self._runaway: tuple[str, ...] = ()
-        self._states: deque[tuple[int, Array, Array | None]] = deque(maxlen=500)
+        self._clock = clock
+        self._states = MeasuredStates(chain, self.watching.velocity_window)
         self._progress: _Progress | None = None
         self._waiting: str | None = None
+        self._passed_over = 0
         self._retries = 0
         self._latest: Decision | None = None
 
@@ -76,6 +83,11 @@ class Executive:
     def remaining(self) -> tuple[int, ...]:
         """Places of the goals that the tool has not been measured at yet."""
         return () if self._progress is None else tuple(self._progress.remaining)
+
+    @property
+    def waiting(self) -> bool:
+        """Whether a plan is owed as soon as a state comes that is young enough."""
+        return self._waiting is not None
 
     def on_task(self, task: Task) -> Decision | None:
         """Take up a new task; it replaces the one before.
@@ -100,16 +112,9 @@ class Executive:
         InputError
             For a joint of the arm that is missing or NaN.
         """
-        q = self._of_arm(positions)
-        if self._states and stamp <= self._states[-1][0]:
-            return [], None  # late or repeated: newer ones have been used
-        v = None
-        if velocities is not None and all(
-            math.isfinite(velocities.get(name, math.nan)) for name in self.chain.joint_names
-        ):
-            v = self._of_arm(velocities)
-        self._states.append((stamp, q, v))
-        visited = self._watch(stamp, q)
+        if not self._states.add(stamp, positions, velocities):
+            return [], None
+        visited = self._watch(stamp, self._states.position)
         if self._waiting:
             return visited, self._decide(self._waiting)
         return visited, self._retry(stamp)
@@ -173,21 +178,6 @@ class Executive:
         self._latest = replace(decision, plan=proof.plan, restated=True)
         return self._latest
 
-    def _of_arm(self, values: Mapping[str, float]) -> Array:
-        """The arm's joints, (n,), out of values by name."""
-        names = self.chain.joint_names
-        missing = [name for name in names if name not in values]
-        if missing:
-            raise InputError(
-                f'joint state: {", ".join(missing)}',
-                f'missing; it names {", ".join(values) or "nothing"}',
-            )
-        q = np.array([values[name] for name in names], dtype=float)
-        bad = [name for name in names if not math.isfinite(values[name])]
-        if bad:
-            raise InputError(f'joint state: {", ".join(bad)}', 'NaN or infinite')
-        return q
-
     def _watch(self, stamp: int, q: Array) -> list[Visited]:
         """Goals that the tool stands at now, at or after their planned time."""
         progress = self._progress
@@ -223,18 +213,18 @@ class Executive:
         self._waiting = None
         if progress is None or not progress.remaining:
             return None
-        timeout = round(self.watching.state_timeout * _SECOND)
-        if not self._states or (now is not None and now - self._states[-1][0] > timeout):
+        if not self._states or self._is_old(now):
             self._waiting = cause
             return None
-        stamp, q, _ = self._states[-1]
+        self._passed_over = 0
+        stamp = self._states.stamp
         plan = plan_task(
             self.chain,
             [(index, progress.task.goals[index]) for index in progress.remaining],
             frozen=self.frozen,
             sigma=self.sigma,
-            start=q,
-            start_velocity=self._velocity(),
+            start=self._states.position,
+            start_velocity=self._states.velocity,
             settings=self.planning,
             hints=progress.hints,
             checker=self._checker,
@@ -248,14 +238,20 @@ class Executive:
         self._latest = Decision(plan, stamp, cause, bool(self.frozen))
         return self._latest
 
-    def _velocity(self) -> Array:
-        """Measured joint speeds, (n,), or those fitted to the latest positions."""
-        stamp, _, v = self._states[-1]
-        if v is not None:
-            return v
-        since = stamp - self.watching.velocity_window * _SECOND
-        recent = [(s, p) for s, p, _ in self._states if s >= since]
-        if len(recent) < 2:
-            return np.zeros(self.chain.n)
-        t = np.array([s - stamp for s, _ in recent]) / _SECOND
-        return np.asarray(np.polyfit(t, np.array([p for _, p in recent]), 1)[0])
+    def _is_old(self, now: int | None) -> bool:
+        """Whether to wait for a newer state; ``now`` is the stamp of what asks for a plan (ns).
+
+        A controller skips what of a trajectory has passed when it comes, goals included. So a
+        state that has waited to be looked at is not planned from while newer ones are on their
+        way; but not for ever, for the clock of the stamps may be another one.
+        """
+        stamp, watching = self._states.stamp, self.watching
+        if now is not None and now - stamp > round(watching.state_timeout * _SECOND):
+            return True
+        if self._clock is None or self._states.period > watching.freshness:
+            return False
+        age = (self._clock() - stamp) / _SECOND
+        if age <= watching.freshness or self._passed_over >= _PASSED_OVER:
+            return False
+        self._passed_over += 1
+        return True
