@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import re
+import struct
 from typing import Any
 
-from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
-from rosbags.typesys.store import Typestore
-
+from ft_manip_ros.bags.cdr_reader import CdrError, CdrReader, Read
 from ft_manip_ros.bags.definitions import message_definition
+from ft_manip_ros.bags.schema import SchemaError, parse_schema, short_name
 from ft_manip_ros.core.errors import InputError
+
+# rosbag2 heads each of the definitions in a schema; the grammar knows nothing of it.
+_IDL_HEADING = re.compile(r'^(=+|IDL: .*)$', re.MULTILINE)
+_ORDERS = '><'  # by the second byte of the CDR header
 
 
 class Decoder:
@@ -20,7 +25,7 @@ class Decoder:
 
     def __init__(self) -> None:
         self._schemas: dict[str, tuple[str, str]] = {}
-        self._stores: dict[str, tuple[Typestore, str]] = {}
+        self._readers: dict[tuple[str, int], Read] = {}
 
     def add_schema(self, type_name: str, encoding: str, text: str) -> None:
         """Use this schema ('ros2msg' or 'ros2idl') for a type; the first one told counts."""
@@ -35,53 +40,64 @@ class Decoder:
         InputError
             If the type is unknown, its schema unreadable or the bytes do not fit it.
         """
-        if type_name not in self._stores:
-            self._stores[type_name] = self._build(type_name)
-        store, name = self._stores[type_name]
         if len(data) < 4 or data[0] != 0 or data[1] not in (0, 1):
             raise InputError(
                 f'message of type {type_name}', 'does not begin with a plain CDR header'
             )
-        definition = store.get_msgdef(name)
-        read = definition.deserialize_cdr_le if data[1] else definition.deserialize_cdr_be
+        read = self._readers.get((type_name, data[1]))
+        if read is None:
+            read = self._readers[type_name, data[1]] = self._build(type_name, data[1])
         try:
-            # Not Typestore.deserialize_cdr: it refuses the spare bytes at the end that ROS's own
-            # serialization leaves.
-            return read(data[4:], 0, definition.cls, store)[0]
-        except Exception as error:  # noqa: BLE001 (generated code fails in many ways on bad bytes)
+            # Spare bytes at the end are ignored: ROS's own serialization leaves some.
+            return read(data[4:], 0)[0]
+        except (CdrError, struct.error, UnicodeDecodeError) as error:
             raise InputError(
                 f'message of type {type_name}',
                 f'its {len(data)} bytes do not fit its schema ({_short(error)})',
             ) from None
 
-    def _build(self, type_name: str) -> tuple[Typestore, str]:
-        """Parsed schema, and the name that rosbags gives the type."""
+    def _build(self, type_name: str, order: int) -> Read:
+        """Put together what reads the type in this byte order."""
         if type_name in self._schemas:
             encoding, text = self._schemas[type_name]
         else:
             encoding, text = 'ros2msg', message_definition(type_name).text
-        store = get_typestore(Stores.EMPTY)
+        if encoding in ('ros2idl', 'omgidl'):
+            return _idl_reader(type_name, text, order)
+        if encoding != 'ros2msg':
+            raise InputError(
+                f'schema of {type_name}',
+                f'has encoding {encoding!r}; known are ros2msg and ros2idl',
+            )
         try:
-            if encoding == 'ros2msg':
-                types = get_types_from_msg(text, type_name)
-                # It calls a service event pkg/srv/msg/Name_Event; the first type is the one asked.
-                name = next(iter(types))
-            elif encoding in ('ros2idl', 'omgidl'):
-                types, name = get_types_from_idl(text), type_name
-            else:
-                raise InputError(
-                    f'schema of {type_name}',
-                    f'has encoding {encoding!r}; known are ros2msg and ros2idl',
-                )
-            store.register(types)
-            store.get_msgdef(name)
-        except InputError:
-            raise
-        except Exception as error:  # noqa: BLE001 (a parser fed with damaged text)
+            types = parse_schema(text, type_name)
+            return CdrReader(types, _ORDERS[order]).reader(short_name(type_name))
+        except (SchemaError, RecursionError) as error:
             raise InputError(
                 f'schema of {type_name}', f'is not readable ({_short(error)})'
             ) from None
-        return store, name
+
+
+def _idl_reader(type_name: str, text: str, order: int) -> Read:
+    """Reader of a type by its IDL, which rosbags parses."""
+    # Loaded only here: parsers take a while to import, and hardly any bag has IDL.
+    from rosbags.typesys import Stores, get_types_from_idl, get_typestore
+
+    store = get_typestore(Stores.EMPTY)
+    try:
+        store.register(get_types_from_idl(_IDL_HEADING.sub('', text)))
+        definition = store.get_msgdef(type_name)
+    except Exception as error:  # noqa: BLE001 (a parser fed with damaged text)
+        raise InputError(f'schema of {type_name}', f'is not readable ({_short(error)})') from None
+    read = definition.deserialize_cdr_le if order else definition.deserialize_cdr_be
+
+    def guarded(data: bytes, at: int) -> tuple[Any, int]:
+        try:
+            return read(data, at, definition.cls, store)
+        except Exception as error:  # noqa: BLE001 (generated code fails in many ways on bad bytes)
+            raise CdrError(_short(error)) from None
+
+    return guarded
 
 
 def _short(error: Exception) -> str:

@@ -13,7 +13,6 @@ from ft_manip_ros.bags.decode import Decoder
 from ft_manip_ros.bags.mcap_source import McapSource
 from ft_manip_ros.bags.rosbag_metadata import FILE_NAME, read_file_names_and_custom
 from ft_manip_ros.bags.source import BagMessage, Source, TopicInfo
-from ft_manip_ros.bags.sqlite_source import SqliteSource
 from ft_manip_ros.core.errors import InputError
 
 
@@ -163,5 +162,8 @@ def _open_source(path: Path) -> Source:
     if path.suffix == '.mcap':
         return McapSource(path)
     if path.suffix == '.db3':
+        # Loaded only here: rosbags takes a third of a second to import.
+        from ft_manip_ros.bags.sqlite_source import SqliteSource
+
         return SqliteSource(path)
     raise InputError(f'bag file {path}', 'is neither .mcap nor .db3')

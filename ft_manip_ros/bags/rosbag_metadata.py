@@ -15,6 +15,8 @@ from ft_manip_ros.core.errors import InputError
 
 VERSION = 9
 FILE_NAME = 'metadata.yaml'
+# Ten times faster where PyYAML was built with the C library.
+_LOADER = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
 
 
 @dataclass
@@ -96,7 +98,7 @@ def read_file_names_and_custom(path: Path) -> tuple[list[str], dict[str, str], s
         If the file is no rosbag2 metadata; the message names the missing key.
     """
     try:
-        content = yaml.safe_load(path.read_text(encoding='utf-8'))
+        content = yaml.load(path.read_text(encoding='utf-8'), Loader=_LOADER)
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise InputError(
             str(path), f'is not readable YAML ({str(error).splitlines()[0]})'
