@@ -25,7 +25,7 @@ class CdrError(ValueError):
 class Message:
     """A decoded message: the fields are its attributes; numeric arrays are numpy arrays."""
 
-    __slots__ = ()
+    __slots__: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         values = ', '.join(f'{name}={getattr(self, name)!r}' for name in self.__slots__)
@@ -86,11 +86,11 @@ class CdrReader:
         return read
 
     def _field(self, field: Field) -> Read:
-        if field.count is None:
+        if field.length is None:
             return self._one(field.type_name)
         if field.type_name in NUMBER_CODES:
-            return self._numbers(field.type_name, field.count)
-        return self._many(self._one(field.type_name), field.count)
+            return self._numbers(field.type_name, field.length)
+        return self._many(self._one(field.type_name), field.length)
 
     def _one(self, type_name: str) -> Read:
         if type_name == 'string':

@@ -21,13 +21,13 @@ class SchemaError(ValueError):
 class Field(NamedTuple):
     """One field: name, element type, and how many.
 
-    ``type_name`` is a primitive or ``package/Name``; ``count`` is None for a single value, -1 for
+    ``type_name`` is a primitive or ``package/Name``; ``length`` is None for a single value, -1 for
     a sequence and the length of a fixed array.
     """
 
     name: str
     type_name: str
-    count: int | None
+    length: int | None
 
 
 # `struct` codes of the numeric primitives.
