@@ -8,7 +8,7 @@ from typing import Any
 
 from ft_manip_ros.bags.cdr_reader import CdrError, CdrReader, Read
 from ft_manip_ros.bags.definitions import message_definition
-from ft_manip_ros.bags.schema import SchemaError, parse_schema, short_name
+from ft_manip_ros.bags.schema import Field, SchemaError, parse_schema, short_name
 from ft_manip_ros.core.errors import InputError
 
 # rosbag2 heads each of the definitions in a schema; the grammar knows nothing of it.
@@ -31,6 +31,20 @@ class Decoder:
         """Use this schema ('ros2msg' or 'ros2idl') for a type; the first one told counts."""
         if text:
             self._schemas.setdefault(type_name, (encoding, text))
+
+    def fields(self, type_name: str) -> dict[str, tuple[Field, ...]]:
+        """Fields of a type and of those that it nests; nothing where its schema is no ros2msg.
+
+        Raises
+        ------
+        InputError
+            If the type is unknown or its schema unreadable.
+        """
+        encoding, text = self._schema(type_name)
+        try:
+            return parse_schema(text, type_name) if encoding == 'ros2msg' else {}
+        except SchemaError as error:
+            raise _unreadable(type_name, error) from None
 
     def decode(self, type_name: str, data: bytes) -> Any:
         """Return the message.
@@ -58,10 +72,7 @@ class Decoder:
 
     def _build(self, type_name: str, order: int) -> Read:
         """Put together what reads the type in this byte order."""
-        if type_name in self._schemas:
-            encoding, text = self._schemas[type_name]
-        else:
-            encoding, text = 'ros2msg', message_definition(type_name).text
+        encoding, text = self._schema(type_name)
         if encoding in ('ros2idl', 'omgidl'):
             return _idl_reader(type_name, text, order)
         if encoding != 'ros2msg':
@@ -70,12 +81,19 @@ class Decoder:
                 f'has encoding {encoding!r}; known are ros2msg and ros2idl',
             )
         try:
-            types = parse_schema(text, type_name)
-            return CdrReader(types, _ORDERS[order]).reader(short_name(type_name))
+            return CdrReader(self.fields(type_name), _ORDERS[order]).reader(short_name(type_name))
         except (SchemaError, RecursionError) as error:
-            raise InputError(
-                f'schema of {type_name}', f'is not readable ({_short(error)})'
-            ) from None
+            raise _unreadable(type_name, error) from None
+
+    def _schema(self, type_name: str) -> tuple[str, str]:
+        """Encoding and text."""
+        if type_name in self._schemas:
+            return self._schemas[type_name]
+        return 'ros2msg', message_definition(type_name).text
+
+
+def _unreadable(type_name: str, error: Exception) -> InputError:
+    return InputError(f'schema of {type_name}', f'is not readable ({_short(error)})')
 
 
 def _idl_reader(type_name: str, text: str, order: int) -> Read:
@@ -88,7 +106,7 @@ def _idl_reader(type_name: str, text: str, order: int) -> Read:
         store.register(get_types_from_idl(_IDL_HEADING.sub('', text)))
         definition = store.get_msgdef(type_name)
     except Exception as error:  # noqa: BLE001 (a parser fed with damaged text)
-        raise InputError(f'schema of {type_name}', f'is not readable ({_short(error)})') from None
+        raise _unreadable(type_name, error) from None
     read = definition.deserialize_cdr_le if order else definition.deserialize_cdr_be
 
     def guarded(data: bytes, at: int) -> tuple[Any, int]:

@@ -6,6 +6,7 @@ import struct
 import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import lz4.frame
 import zstandard
@@ -49,8 +50,7 @@ class Channel:
     metadata: dict[str, str]
 
 
-@dataclass(frozen=True)
-class RecordedMessage:
+class RecordedMessage(NamedTuple):
     """A message record; times in ns."""
 
     channel_id: int

@@ -12,6 +12,7 @@ from typing import Any
 from ft_manip_ros.bags.decode import Decoder
 from ft_manip_ros.bags.mcap_source import McapSource
 from ft_manip_ros.bags.rosbag_metadata import FILE_NAME, read_file_names_and_custom
+from ft_manip_ros.bags.schema import Field
 from ft_manip_ros.bags.source import BagMessage, Source, TopicInfo
 from ft_manip_ros.core.errors import InputError
 
@@ -86,8 +87,13 @@ class Bag:
         start, end
             Only from ``start`` on and up to ``end``, log times in ns.
         """
-        streams = (source.messages(topics) for source in self.sources)
-        for message in heapq.merge(*streams, key=lambda m: (m.log_time, m.topic)):
+        streams = [source.messages(topics) for source in self.sources]
+        merged = (
+            streams[0]
+            if len(streams) == 1
+            else heapq.merge(*streams, key=lambda m: (m.log_time, m.topic))
+        )
+        for message in merged:
             if end is not None and message.log_time > end:
                 return
             if start is not None and message.log_time < start:
@@ -109,6 +115,16 @@ class Bag:
                 f'{self.path}: {message.topic} at {message.log_time} ns',
                 f'{error.field}: {error.problem}',
             ) from None
+
+    def schema_of(self, type_name: str) -> dict[str, tuple[Field, ...]]:
+        """Fields of a type and of those it nests, by ``package/Name``; empty for an IDL schema.
+
+        Raises
+        ------
+        InputError
+            If the schema is unreadable or unknown.
+        """
+        return self._decoder.fields(type_name)
 
 
 def open_bag(path: Path | str) -> Bag:

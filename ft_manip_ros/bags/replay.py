@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from ft_manip_ros.bags import replay_faults, replay_plans, replay_verdicts
 from ft_manip_ros.bags.findings import Difference, Finding, Tolerance, compare, digest
+from ft_manip_ros.bags.joint_blocks import is_joint_state, joint_runs
 from ft_manip_ros.bags.reader import Bag
 from ft_manip_ros.bags.replay_faults import FaultReplay
 from ft_manip_ros.bags.replay_plans import PlanReplay
@@ -105,22 +106,28 @@ def replay(
         )
     messages = 0
     refused: dict[str, int] = {}
-    for record in bag.messages(wanted, start=start, end=end):
-        messages += 1
+    for records, block in joint_runs(bag, wanted, _in_blocks(bag, parts), start, end):
+        messages += len(records)
+        topic = records[0].topic
+        if block is not None:
+            for part in parts:
+                for error in part.block_handlers[topic](block) if topic in part.handlers else ():
+                    _count(refused, f'{topic}: {error}')
+            continue
         try:
-            message = bag.decode(record)
+            message = bag.decode(records[0])
         except InputError as error:
-            _count(refused, f'{record.topic}: {error.problem}')
+            _count(refused, f'{topic}: {error.problem}')
             continue
         for part in parts:
-            handler = part.handlers.get(record.topic)
+            handler = part.handlers.get(topic)
             if handler is None:
                 continue
             try:
-                handler(record, message)
+                handler(records[0], message)
             except InputError as error:
                 # As in the nodes: a malformed message is refused, and the state stays.
-                _count(refused, f'{record.topic}: {error}')
+                _count(refused, f'{topic}: {error}')
     notes = [*bag.notes, *setup.notes]
     if parts[1].unanswered:
         notes.append(f'{parts[1].unanswered} queries ran out of time when recorded: not compared')
@@ -149,6 +156,17 @@ def replay(
         time.perf_counter() - began,
         tuple(notes),
     )
+
+
+def _in_blocks(bag: Bag, parts: Iterable[FaultReplay | VerdictReplay | PlanReplay]) -> set[str]:
+    """Topics of joint states that all parts take in blocks."""
+    found = {topic for part in parts for topic in part.block_handlers}
+    return {
+        topic
+        for topic in found
+        if all(topic in part.block_handlers for part in parts if topic in part.handlers)
+        and is_joint_state(bag, topic)
+    }
 
 
 def _ordered(findings: Any) -> tuple[Finding, ...]:

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import fields
 from typing import Any
 
 from ft_manip_ros.bags.findings import Finding
+from ft_manip_ros.bags.joint_blocks import JointBlock
 from ft_manip_ros.bags.reader import BagMessage
 from ft_manip_ros.bags.replay_setup import ReplaySetup
 from ft_manip_ros.core.detection.feed import MonitorFeed
 from ft_manip_ros.core.detection.monitor import FaultMonitor
 from ft_manip_ros.core.detection.settings import MonitorSettings
 from ft_manip_ros.core.detection.states import Edge, JointState
+from ft_manip_ros.core.errors import InputError
 from ft_manip_ros.nodes.conversions import nanoseconds, seconds
 
 NODE = 'fault_monitor'
@@ -39,6 +41,7 @@ class FaultReplay:
         self.recorded: list[Finding] = []
         self.replayed: list[Finding] = []
         self.handlers: dict[str, Callable[[BagMessage, Any], None]] = {}
+        self.block_handlers: dict[str, Callable[[JointBlock], Iterable[InputError]]] = {}
         reference = str(parameters.get('reference_topic') or '')
         for name, type_name, handler in (
             ('joint_states', 'sensor_msgs/msg/JointState', self._on_joint_state),
@@ -64,6 +67,23 @@ class FaultReplay:
             topic = setup.topic(name, type_name) if name else None
             if topic is not None:
                 self.handlers[topic] = handler
+                if handler == self._on_joint_state:
+                    self.block_handlers[topic] = self._on_joint_block
+
+    def _on_joint_block(self, block: JointBlock) -> Iterable[InputError]:
+        """As `_on_joint_state` on each."""
+        edges = self._feed.joint_states(
+            block.stamps,
+            block.arrivals,
+            block.names,
+            block.positions,
+            block.velocities,
+            block.efforts,
+        )
+        self._stamp = int(block.stamps[-1]) or int(block.arrivals[-1])
+        self._seen_sample = True
+        self._note(edges)
+        return ()
 
     def _on_joint_state(self, record: BagMessage, message: Any) -> None:
         stamp = nanoseconds(message.header.stamp)

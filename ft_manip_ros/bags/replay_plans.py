@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import heapq
 from collections import defaultdict, deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from functools import partial
 from typing import Any
 
@@ -12,6 +12,7 @@ import numpy as np
 from std_msgs.msg import Header
 
 from ft_manip_ros.bags.findings import Finding, Value
+from ft_manip_ros.bags.joint_blocks import JointBlock
 from ft_manip_ros.bags.reader import BagMessage
 from ft_manip_ros.bags.replay_setup import ReplaySetup
 from ft_manip_ros.core.errors import InputError
@@ -48,6 +49,7 @@ class PlanReplay:
         self.recorded: list[Finding] = []
         self.replayed: list[Finding] = []
         self.handlers: dict[str, Callable[[BagMessage, Any], None]] = {}
+        self.block_handlers: dict[str, Callable[[JointBlock], Iterable[InputError]]] = {}
         # For the stamp of each message that plans answer: where those plans start, in order.
         self._starts: dict[int, deque[int]] = defaultdict(deque)
         self._due: list[tuple[int, int, Callable[[], None]]] = []
@@ -71,6 +73,7 @@ class PlanReplay:
         states = setup.topic('joint_states', 'sensor_msgs/msg/JointState')
         if states is not None:
             self.handlers[states] = self._on_joint_state
+            self.block_handlers[states] = self._on_joint_block
 
     def _read_plans(self, setup: ReplaySetup, topics: list[str]) -> None:
         for record in setup.bag.messages(topics):
@@ -101,6 +104,25 @@ class PlanReplay:
         if len(message.velocity) == len(names):
             velocities = dict(zip(names, message.velocity.tolist(), strict=True))
         positions = dict(zip(names, message.position.tolist(), strict=True))
+        self._take(stamp, positions, velocities)
+
+    def _on_joint_block(self, block: JointBlock) -> Iterator[InputError]:
+        """As `_on_joint_state` on each; yields what was refused."""
+        names, m = block.names, len(block.names)
+        speeds = block.velocities.tolist() if block.velocities.shape[1] == m else None
+        rows = block.positions.tolist()
+        for k, stamp in enumerate(block.stamps.tolist()):
+            try:
+                if len(rows[k]) != m:
+                    raise InputError('joint state: position', f'has {len(rows[k])} values')
+                velocities = None if speeds is None else dict(zip(names, speeds[k], strict=True))
+                self._take(stamp, dict(zip(names, rows[k], strict=True)), velocities)
+            except InputError as error:
+                yield error
+
+    def _take(
+        self, stamp: int, positions: dict[str, float], velocities: dict[str, float] | None
+    ) -> None:
         _, decision = self._executive.on_joint_state(stamp, positions, velocities)
         self._latest = max(self._latest, stamp)
         self._note(decision, stamp)

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from typing import Any
 
 from ft_manip_ros.bags.findings import Finding, Value
+from ft_manip_ros.bags.joint_blocks import JointBlock
 from ft_manip_ros.bags.reader import BagMessage
 from ft_manip_ros.bags.replay_setup import ReplaySetup
+from ft_manip_ros.core.errors import InputError
 from ft_manip_ros.core.ftws.query import query
 from ft_manip_ros.core.ftws.settings import FtwsSettings
 from ft_manip_ros.core.ftws.verdict import FtwsResult, Verdict
@@ -28,6 +30,7 @@ class VerdictReplay:
         self.replayed: list[Finding] = []
         self.unanswered = 0
         self.handlers: dict[str, Callable[[BagMessage, Any], None]] = {}
+        self.block_handlers: dict[str, Callable[[JointBlock], Iterable[InputError]]] = {}
         self._threads = threads
         self._asked: dict[tuple[bytes, int], tuple[int, list[FtwsResult]]] = {}
         topic = setup.topic(

@@ -60,6 +60,19 @@ def test_the_case_holds_all_three_kinds(result: ReplayResult) -> None:
     assert not result.refused
 
 
+@pytest.mark.parametrize('name', ['lossy_transport', 'stale_joint', 'bad_sensor', 'two_failures'])
+def test_blocks_of_joint_states_come_to_what_single_ones_do(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bag = open_bag(CASE.parent / name / 'bag')
+    in_blocks = replay(bag)
+    monkeypatch.setattr('ft_manip_ros.bags.replay._in_blocks', lambda bag, parts: set())
+    one_by_one = replay(bag)
+    assert in_blocks.replayed == one_by_one.replayed
+    assert in_blocks.refused == one_by_one.refused
+    assert in_blocks.messages == one_by_one.messages
+
+
 def test_exact_compares_what_conclusions_rest_on(bag: Bag, tmp_path: Path) -> None:
     """A plan that takes another second comes to the same conclusion, but is not the same."""
     from rclpy.serialization import deserialize_message

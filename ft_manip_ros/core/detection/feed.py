@@ -7,11 +7,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ft_manip_ros.core.detection.monitor import FaultMonitor
 from ft_manip_ros.core.detection.states import Edge
 from ft_manip_ros.core.errors import InputError
 
 _RECENT = 1_000_000_000  # ns, how old the latest sample may be to tell the samples' clock
+Array = NDArray[np.float64]
 TrajectoryPoint = tuple[float, Sequence[float], Sequence[float], Sequence[float]]
 
 
@@ -70,6 +74,40 @@ class MonitorFeed:
             return []
         self._latest = (stamp, arrival)
         return self.monitor.sample(stamp, tables[0], tables[1], tables[2])
+
+    def joint_states(
+        self,
+        stamps: NDArray[np.int64],
+        arrivals: NDArray[np.int64],
+        names: Sequence[str],
+        positions: Array,
+        velocities: Array,
+        efforts: Array,
+    ) -> list[Edge]:
+        """Take K messages of the same m joints; the outcome is that of `joint_state` on each.
+
+        Parameters
+        ----------
+        stamps, arrivals : ndarray of int64, shape (K,), ns
+        names
+            Joints of the columns, none twice.
+        positions, velocities, efforts : ndarray, shape (K, m), or (K, 0) where not given
+        """
+        if not stamps.all():
+            edges: list[Edge] = []
+            for k, (stamp, arrival) in enumerate(
+                zip(stamps.tolist(), arrivals.tolist(), strict=True)
+            ):
+                edges += self.joint_state(
+                    stamp, arrival, names, positions[k], velocities[k], efforts[k]
+                )
+            return edges
+        self._stamped = True
+        if not any(name in self.monitor.names for name in names):
+            self.ignored.update(names)
+            return []
+        self._latest = (int(stamps[-1]), int(arrivals[-1]))
+        return self.monitor.samples(stamps, names, positions, velocities, efforts)
 
     def trajectory(
         self,

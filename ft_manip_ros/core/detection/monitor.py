@@ -166,6 +166,47 @@ class FaultMonitor:
         command = self._book.at(self._stamp[0])[None, :]
         return self._advance(self._stamp, self._row, self._present, command, [stamp])
 
+    def samples(
+        self,
+        stamps: NDArray[np.int64],
+        names: Sequence[str],
+        positions: Array,
+        velocities: Array,
+        efforts: Array,
+    ) -> list[Edge]:
+        """Take K messages of the same m joints at once; the outcome is that of `sample` on each.
+
+        Parameters
+        ----------
+        stamps : ndarray of int64, shape (K,), ns
+        names
+            Joints of the columns, none twice; unknown ones are ignored.
+        positions, velocities, efforts : ndarray, shape (K, m), or (K, 0) where not given
+        """
+        count, n = len(stamps), len(self.names)
+        columns = [k for k, name in enumerate(names) if name in self._place]
+        places = [self._place[names[k]] for k in columns]
+        values = np.full((3, count, n), np.nan)
+        present = np.zeros((count, n), dtype=np.bool_)
+        for row, table in enumerate((positions, velocities, efforts)):
+            if table.shape[1]:
+                values[row][:, places] = table[:, columns]
+        present[:, places] = positions.shape[1] > 0
+        times = np.array([self._time(stamp) for stamp in stamps.tolist()])
+        # Where stamps go back the commands may be forgotten on the way, and where references are
+        # streamed they change from sample to sample: one by one, then.
+        steady = bool(times[0] > self._memory.arm['now'][0] and (np.diff(times) > 0.0).all())
+        live = times < self._live_until
+        step = count if steady and (live.all() or not live.any()) else 1
+        edges: list[Edge] = []
+        for start in range(0, count, step):
+            rows = slice(start, start + step)
+            commands = np.array([self._book.at(t).copy() for t in times[rows]])
+            edges += self._advance(
+                times[rows], values[:, rows], present[rows], commands, stamps[rows].tolist()
+            )
+        return edges
+
     def block(
         self,
         stamps: NDArray[np.int64],

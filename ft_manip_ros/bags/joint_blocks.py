@@ -1,0 +1,182 @@
+"""Joint states decoded many at once: most of a replay is reading them.
+
+Consecutive messages of one driver differ in stamp and numbers alone. They are laid side by side
+as rows of bytes, and columns are taken out; what does not match is left to the ordinary decoder.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ft_manip_ros.bags.cdr_reader import Message
+from ft_manip_ros.bags.definitions import message_definition
+from ft_manip_ros.bags.reader import Bag
+from ft_manip_ros.bags.schema import parse_schema
+from ft_manip_ros.bags.source import BagMessage
+from ft_manip_ros.core.errors import InputError
+
+_TYPE = 'sensor_msgs/msg/JointState'
+_LARGEST = 500  # messages of a block
+_LITTLE_ENDIAN = b'\0\1'
+_HEADER = 4  # bytes of the CDR header
+_SECOND = 1_000_000_000
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class JointBlock:
+    """K joint states of the same m names.
+
+    Attributes
+    ----------
+    stamps, arrivals : ndarray of int64, shape (K,), ns
+        Header stamps and log times.
+    positions, velocities, efforts : ndarray, shape (K, m) or (K, 0)
+        As in the messages.
+    """
+
+    names: tuple[str, ...]
+    stamps: NDArray[np.int64]
+    arrivals: NDArray[np.int64]
+    positions: Array
+    velocities: Array
+    efforts: Array
+
+
+class JointLayout:
+    """Where the parts of joint states lie whose names and lengths are those of one message.
+
+    Parameters
+    ----------
+    data
+        Bytes of the message.
+    message
+        The same, decoded.
+    """
+
+    def __init__(self, data: bytes, message: Message) -> None:
+        self.names = tuple(message.name)  # type: ignore[attr-defined]
+        self.size = len(data)
+        fixed = np.zeros(self.size, dtype=np.bool_)
+        fixed[:2] = True
+        at = _string(fixed, 8, message.header.frame_id)  # type: ignore[attr-defined]
+        at = _count(fixed, at)
+        for name in self.names:
+            at = _string(fixed, at, name)
+        self._columns = []
+        for key in ('position', 'velocity', 'effort'):
+            at = _count(fixed, at)
+            length = len(getattr(message, key))
+            # Bytes that align are the serializer's and mean nothing; so are those at the end.
+            at += -at % 8 if length else 0
+            self._columns.append((_HEADER + at, length))
+            at += 8 * length
+        self._places = np.flatnonzero(fixed)
+        self._values = np.frombuffer(data, dtype=np.uint8)[self._places]
+        m = len(self.names)
+        self.plain = (
+            data[:2] == _LITTLE_ENDIAN
+            and len(set(self.names)) == m > 0
+            and all(length in (0, m) for _, length in self._columns)
+        )
+
+    def block(self, records: Sequence[BagMessage]) -> JointBlock | None:
+        """Decode records of the layout's size, or return None where one has another layout."""
+        joined = b''.join(record.data for record in records)
+        rows = np.frombuffer(joined, dtype=np.uint8).reshape(len(records), self.size)
+        if not (rows[:, self._places] == self._values).all():
+            return None
+        times = np.ascontiguousarray(rows[:, _HEADER : _HEADER + 8])
+        seconds = times[:, :4].copy().view('<i4')[:, 0].astype(np.int64)
+        nanoseconds = times[:, 4:].copy().view('<u4')[:, 0].astype(np.int64)
+        tables = [
+            rows[:, at : at + 8 * length].copy().view('<f8').reshape(len(records), length)
+            for at, length in self._columns
+        ]
+        arrivals = np.array([record.log_time for record in records], dtype=np.int64)
+        return JointBlock(self.names, seconds * _SECOND + nanoseconds, arrivals, *tables)
+
+
+def joint_runs(
+    bag: Bag, wanted: Collection[str], blocks: Collection[str], start: int | None, end: int | None
+) -> Iterator[tuple[list[BagMessage], JointBlock | None]]:
+    """Messages of a bag in order: joint states in blocks, all else one by one with None.
+
+    Parameters
+    ----------
+    wanted
+        Topics.
+    blocks
+        Those of them that hold joint states (`is_joint_state`).
+    start, end
+        As for `Bag.messages`.
+    """
+    layouts: dict[str, JointLayout] = {}
+    run: list[BagMessage] = []
+    for record in bag.messages(wanted, start=start, end=end):
+        if run and not (
+            record.topic == run[0].topic
+            and len(record.data) == len(run[0].data)
+            and len(run) < _LARGEST
+        ):
+            yield from _decoded(layouts, run)
+            run = []
+        if record.topic in blocks and _learn(bag, layouts, record):
+            run.append(record)
+        else:
+            yield [record], None
+    if run:
+        yield from _decoded(layouts, run)
+
+
+def is_joint_state(bag: Bag, topic: str) -> bool:
+    """Whether the topic's messages have the fields of today's sensor_msgs/JointState."""
+    if bag.topics[topic].type_name != _TYPE:
+        return False
+    try:
+        return bag.schema_of(_TYPE) == parse_schema(message_definition(_TYPE).text, _TYPE)
+    except InputError:
+        return False
+
+
+def _learn(bag: Bag, layouts: dict[str, JointLayout], record: BagMessage) -> bool:
+    """Know the layout of a record's size; False where it has none that is plain."""
+    layout = layouts.get(record.topic)
+    if layout is None or layout.size != len(record.data):
+        try:
+            layout = JointLayout(record.data, bag.decode(record))
+        except InputError:
+            return False
+        layouts[record.topic] = layout
+    return layout.plain
+
+
+def _decoded(
+    layouts: dict[str, JointLayout], run: list[BagMessage]
+) -> Iterator[tuple[list[BagMessage], JointBlock | None]]:
+    block = layouts[run[0].topic].block(run)
+    if block is not None:
+        yield run, block
+        return
+    # Another driver's messages of the same size, or damage: learn again from the next one.
+    del layouts[run[0].topic]
+    for record in run:
+        yield [record], None
+
+
+def _count(fixed: NDArray[np.bool_], at: int) -> int:
+    """Mark the length of a sequence; offsets are those after the CDR header."""
+    at += -at % 4
+    fixed[_HEADER + at : _HEADER + at + 4] = True
+    return at + 4
+
+
+def _string(fixed: NDArray[np.bool_], at: int, text: str) -> int:
+    start = at + -at % 4
+    end = start + 4 + len(text.encode()) + 1
+    fixed[_HEADER + start : _HEADER + end] = True
+    return end
