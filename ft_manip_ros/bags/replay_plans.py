@@ -5,6 +5,7 @@ from __future__ import annotations
 import heapq
 from collections import defaultdict, deque
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import fields
 from functools import partial
 from typing import Any
 
@@ -28,7 +29,7 @@ _PLANNING = (
     'postures', 'attempts', 'proof_boxes', 'dwell', 'rate_scale', 'jerk_time', 'sample_period',
     'limit_weight', 'seed',
 )  # fmt: skip
-_WATCHING = ('state_timeout', 'patience', 'retries')
+_WATCHING = tuple(field.name for field in fields(ExecutiveSettings))
 SETTINGS = {*_PLANNING, *_WATCHING, 'policy', 'order', 'accepted_relaxations'}
 NUMBERS = {'end': 1e-3, 'duration': 1e-2, 'arrivals': 1e-2, 'frozen_at': 1e-6}
 _STATUS = ('finishes', 'partial', 'halted', 'refused')
