@@ -36,6 +36,9 @@ class Goal:
         tighter tolerances.
     id
         Name of the goal in reports.
+    straight_line
+        True: the tool has to come here on a straight line, from the goal before or, where none
+        remains before it, from where it stands.
     """
 
     position: Array
@@ -44,6 +47,7 @@ class Goal:
     position_tolerance: float = DEFAULT_POSITION_TOLERANCE
     orientation_tolerance: float = DEFAULT_ORIENTATION_TOLERANCE
     id: str = ''
+    straight_line: bool = False
 
     def __post_init__(self) -> None:
         where = f'goal {self.id!r}' if self.id else 'goal'

@@ -48,11 +48,18 @@ def _goal(entry: Fields, index: int) -> Goal:
     position_tolerance = entry.number('position_tolerance', DEFAULT_POSITION_TOLERANCE)
     orientation_tolerance = entry.angle('orientation_tolerance', DEFAULT_ORIENTATION_TOLERANCE)
     name = entry.text('id', f'goal_{index + 1}')
+    straight_line = entry.flag('straight_line', False)
     entry.finish()
     assert orientation_tolerance is not None
     with located(entry.where):
         return Goal(
-            position, orientation, free_axis, position_tolerance, orientation_tolerance, name
+            position,
+            orientation,
+            free_axis,
+            position_tolerance,
+            orientation_tolerance,
+            name,
+            straight_line,
         )
 
 

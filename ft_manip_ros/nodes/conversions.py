@@ -80,6 +80,7 @@ def goal_to_message(goal: Goal) -> TaskGoal:
         free_axis=goal.free_axis,
         position_tolerance=goal.position_tolerance,
         orientation_tolerance=goal.orientation_tolerance,
+        straight_line=goal.straight_line,
     )
 
 
@@ -98,6 +99,8 @@ def goal_from_message(message: TaskGoal, name: str = '') -> Goal:
         message.position_tolerance or DEFAULT_POSITION_TOLERANCE,
         message.orientation_tolerance or DEFAULT_ORIENTATION_TOLERANCE,
         name,
+        # Bags recorded before the field came do not have it.
+        bool(getattr(message, 'straight_line', False)),
     )
 
 

@@ -22,7 +22,7 @@ TASK = Task(
     'mixed',
     (
         Goal(np.array([0.1, 0.2, 0.3]), id='where'),
-        Goal(np.array([1.0, 0.0, -1.0]), QUARTER, True, 2e-3, 0.1, 'how'),
+        Goal(np.array([1.0, 0.0, -1.0]), QUARTER, True, 2e-3, 0.1, 'how', True),
     ),
 )
 
@@ -45,6 +45,7 @@ def test_a_task_survives_the_round_trip():
         if a.orientation is not None:
             np.testing.assert_allclose(a.orientation, b.orientation, atol=1e-12)
         assert (a.id, a.free_axis) == (b.id, b.free_axis)
+        assert a.straight_line == b.straight_line
         assert a.position_tolerance == b.position_tolerance
         assert a.orientation_tolerance == b.orientation_tolerance
 

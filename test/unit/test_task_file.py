@@ -24,7 +24,8 @@ name: task
 goals:
   - {position: [0.5, 0, 0.5]}
   - {id: turned, position: [0, 0.5, 0.2], orientation: [0, 0, 0.6, 0.8], position_tolerance: 2e-3}
-  - {position: [0, 0, 1], orientation: [1, 0, 0, 0], free_axis: true, orientation_tolerance_deg: 1}
+  - {position: [0, 0, 1], orientation: [1, 0, 0, 0], free_axis: true, orientation_tolerance_deg: 1,
+     straight_line: true}
 design:
   {dof: 5, order: 1, joint_limits_deg: [-150, 150], bounds: {a: [0, 2], alpha_deg: [-90, 90]}}
 """
@@ -47,6 +48,8 @@ def test_every_field_is_read(tmp_path: Path) -> None:
     )
     assert second.position_tolerance == 2e-3
     assert third.free_axis
+    assert third.straight_line
+    assert not second.straight_line
     assert third.orientation_tolerance == pytest.approx(np.deg2rad(1.0))
     assert task.design is not None
     assert (task.design.dof, task.design.order) == (5, 1)

@@ -19,6 +19,7 @@ from ft_manip_ros.core.planning.limits import (
     motion_limits,
     within_noise,
 )
+from ft_manip_ros.core.planning.lines import straighten
 from ft_manip_ros.core.planning.plan import Outcome, Plan, PlanStatus
 from ft_manip_ros.core.planning.refutation import SIGMAS
 from ft_manip_ros.core.planning.reporting import describe, outcome_of
@@ -96,6 +97,7 @@ def plan_task(
     allowed = () if checker is None else checker.allow_at(here)
     arrays, blur = arrays_within(chain, limits, clear=True), _blur(chain, sigma)
     findings = triage(arrays, rod, mask, goals, here, settings, hints or {}, blur, checker)
+    findings, lines = straighten(chain, arrays, mask, findings, here, settings, checker)
     if checker is not None and not halt and (pair := checker.touching(here)):
         halt = f'{pair[0]} and {pair[1]} touch where the arm comes to rest'
     chosen, why_not = ([], halt) if halt else _to_visit(findings, bool(frozen), settings)
@@ -104,6 +106,7 @@ def plan_task(
         route = plan_route(
             chain,
             chosen,
+            lines,
             start[healthy],
             start_velocity[healthy],
             healthy,

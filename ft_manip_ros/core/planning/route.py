@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ from ft_manip_ros.core.chain import FULL_TURN, Array, SerialChain
 from ft_manip_ros.core.planning import timing
 from ft_manip_ros.core.planning.collision import CollisionChecker
 from ft_manip_ros.core.planning.limits import MotionLimits, travel
+from ft_manip_ros.core.planning.lines import Lines
 from ft_manip_ros.core.planning.margins import posture_margin
 from ft_manip_ros.core.planning.ordering import fastest_order, safest_order
 from ft_manip_ros.core.planning.sequence import straight_time
@@ -54,6 +55,7 @@ def stop_route(q: Array, v: Array, limits: MotionLimits, settings: PlanSettings)
 def plan_route(
     chain: SerialChain,
     findings: Sequence[Finding],
+    lines: Lines,
     q: Array,
     v: Array,
     healthy: NDArray[np.intp],
@@ -70,6 +72,8 @@ def plan_route(
         The full arm.
     findings
         Goals with at least one posture each.
+    lines
+        Straight lines to those of them that ask for one; their order is then kept.
     q, v : shape (m,)
         State of the healthy joints.
     healthy : shape (m,)
@@ -84,26 +88,38 @@ def plan_route(
     hard = limits.take(healthy)
     scaled = hard.scaled(settings.rate_scale)
     groups = [folded(finding.postures.q[:, healthy], here[healthy], hard) for finding in findings]
-    findings, groups = _ordered(chain, findings, groups, here, healthy, scaled, settings)
-    # Among bodies every move is straight: the arm stops first. Alone it flows on.
-    halt = stop_route(q, v, hard, settings).motion if checker else None
+    if not lines:
+        findings, groups = _ordered(chain, findings, groups, here, healthy, scaled, settings)
+    # Among bodies, and along a line, every move begins at rest: the arm stops first. Else it
+    # flows on.
+    stops = checker is not None or (bool(findings) and findings[0].index in lines)
+    halt = stop_route(q, v, hard, settings).motion if stops else None
+    straight = _line_motions(findings, lines, groups, here, healthy, scaled, settings)
 
     def first_times(goal: int) -> Array:
+        if goal in straight:
+            # Only that of the first goal begins where the arm stops.
+            begin = np.inf if goal or halt is None else halt.duration
+            return np.array([begin + move.duration for move in straight[goal].values()])
         return _first_times(groups[goal], q, v, here[healthy], scaled, hard, halt)
 
     extra = [np.zeros(len(group)) for group in groups]
     if settings.limit_weight > 0.0:
         extra = [settings.limit_weight * limit_closeness(group, scaled) for group in groups]
     way = WayFinder(
-        groups, first_times, extra, scaled, here, healthy, checker, settings.seed
+        groups, first_times, extra, scaled, here, healthy, checker, settings.seed, straight
     ).find()
     parts: list[Motion] = [] if halt is None else [halt]
     visits: dict[int, Visit] = {}
     at, clock = (q, 0.0) if halt is None else (halt.positions[-1], halt.duration)
     for place, (k, pick) in enumerate(zip(way.kept, way.picks, strict=True)):
-        stops = [way.vias[place]] if place in way.vias else []
-        for target in [*stops, groups[k][pick]]:
-            if parts:
+        targets = [way.vias[place]] if place in way.vias else []
+        for target in [*targets, groups[k][pick]]:
+            if k in straight:
+                before = way.picks[place - 1] if place else 0
+                move = straight[k][before, pick]
+                move = replace(move, positions=move.positions + (at - move.positions[0]))
+            elif parts:
                 end = at + travel(at, target, scaled.unlimited)
                 move = timing.move_between(at, end, scaled, settings.sample_period)
             else:
@@ -118,6 +134,26 @@ def plan_route(
         clock += parts[-1].duration
     cut_off = {finding.index for k, finding in enumerate(findings) if k not in way.kept}
     return Route(timing.joined(parts), visits, cut_off)
+
+
+def _line_motions(
+    findings: Sequence[Finding],
+    lines: Lines,
+    groups: list[Array],
+    here: Array,
+    healthy: NDArray[np.intp],
+    limits: MotionLimits,
+    settings: PlanSettings,
+) -> dict[int, dict[tuple[int, int], Motion]]:
+    """By goal on the way, the motion from posture a of the goal before to its own posture b."""
+    motions = {}
+    for k, finding in enumerate(findings):
+        if finding.index in lines:
+            motions[k] = {
+                (a, b): line.motion(line.start[healthy], healthy, limits, settings.sample_period)
+                for b, (a, line) in enumerate(lines[finding.index])
+            }
+    return motions
 
 
 def _first_times(

@@ -31,6 +31,7 @@ class Relaxation(str, Enum):
 
     FREE_ROLL = 'free roll'
     ORIENTATION_DROPPED = 'orientation dropped'
+    LINE_DROPPED = 'line dropped'
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from ft_manip_ros.core.chain import Array
 from ft_manip_ros.core.planning.limits import MotionLimits, travel
 
 # Time stamps of ROS messages are whole nanoseconds; states are sampled at exactly those times.
-_TICK = 1e-9
+TICK = 1e-9
 # Phase switches closer together than this become one point.
 SHORTEST_STEP = 2e-5
 # Moves shorter than this (rad or m) are no moves.
@@ -154,7 +154,7 @@ def move_between(q: Array, target: Array, limits: MotionLimits, period: float) -
 def hold(q: Array, duration: float) -> Motion:
     """Stand still at ``q``, (m,)."""
     zero = np.zeros((2, len(q)))
-    end = np.ceil(duration / _TICK) * _TICK
+    end = np.ceil(duration / TICK) * TICK
     return Motion(np.array([0.0, end]), np.array([q, q]), zero, zero)
 
 
@@ -167,7 +167,7 @@ def joined(parts: list[Motion]) -> Motion:
         chosen.append((part, rows))
         offset += part.duration
     return Motion(
-        np.round(np.concatenate(times) / _TICK) * _TICK,
+        np.round(np.concatenate(times) / TICK) * TICK,
         np.concatenate([part.positions[rows] for part, rows in chosen]),
         np.concatenate([part.velocities[rows] for part, rows in chosen]),
         np.concatenate([part.accelerations[rows] for part, rows in chosen]),
@@ -192,15 +192,15 @@ def _solved(given: ruckig.InputParameter, period: float) -> Motion:
 
 
 def _sampled(found: ruckig.Trajectory, m: int, period: float) -> Motion:
-    duration = math.ceil(found.duration / _TICK) * _TICK
+    duration = math.ceil(found.duration / TICK) * TICK
     switches = [k * period for k in range(1, math.ceil(duration / period))]
     for profile in found.profiles[0]:
         switches += accumulate([*profile.brake.t, *profile.t, *profile.accel.t])
         # Turning points too: there the hull of a spline touches the motion, so checks are tight.
         switches += _turning_times(profile)
     times = [0.0]
-    for tick in sorted({round(switch / _TICK) for switch in switches}):
-        time = tick * _TICK
+    for tick in sorted({round(switch / TICK) for switch in switches}):
+        time = tick * TICK
         if time - times[-1] >= SHORTEST_STEP and duration - time >= SHORTEST_STEP:
             times.append(time)
     if duration > 0.0:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -13,6 +13,7 @@ from ft_manip_ros.core.chain import Array
 from ft_manip_ros.core.planning.collision import CollisionChecker
 from ft_manip_ros.core.planning.limits import MotionLimits, travel
 from ft_manip_ros.core.planning.sequence import choose_postures, straight_time
+from ft_manip_ros.core.planning.timing import Motion
 
 # Moves of one goal that may be looked at before it is given up, and via postures of a detour.
 _MOVES_PER_GOAL = 24
@@ -57,6 +58,9 @@ class WayFinder:
         Where the full arm would stop.
     healthy : shape (m,)
         Places of the healthy joints in the full arm.
+    straight
+        For goals that are reached on straight lines, which have been checked, the motions: by
+        goal, and by posture of the goal before it and its own.
     """
 
     def __init__(
@@ -69,10 +73,11 @@ class WayFinder:
         healthy: NDArray[np.intp],
         checker: CollisionChecker | None,
         seed: int,
+        straight: Mapping[int, Mapping[tuple[int, int], Motion]],
     ) -> None:
         self._groups, self._first, self._extra = groups, first, extra
         self._limits, self._here, self._healthy = limits, here, healthy
-        self._checker = checker
+        self._checker, self._straight = checker, straight
         self._rng = np.random.default_rng(seed)
         self._known_first: dict[int, Array] = {}
         # What was found out about moves, by (goal before or -1, its posture, goal, its posture).
@@ -109,7 +114,7 @@ class WayFinder:
 
     def _choose(self, kept: list[int]) -> tuple[list[int], float]:
         first = self._first_times(kept[0]).copy()
-        penalties = {}
+        penalties = self._line_penalties(kept)
         for (before, a, goal, b), free in self._free.items():
             if goal not in kept:
                 continue
@@ -124,6 +129,20 @@ class WayFinder:
         groups = [self._groups[k] for k in kept]
         extra = [self._extra[k] for k in kept]
         return choose_postures(first, groups, self._limits, extra=extra, penalties=penalties)
+
+    def _line_penalties(self, kept: list[int]) -> dict[tuple[int, int, int], float]:
+        """What lines take longer than moves straight in joint space; no other way is open."""
+        penalties = {}
+        for place, goal in enumerate(kept):
+            if place == 0 or goal not in self._straight:
+                continue
+            before, lines = kept[place - 1], self._straight[goal]
+            for a, start in enumerate(self._groups[before]):
+                for b, end in enumerate(self._groups[goal]):
+                    penalties[place, a, b] = float('inf')
+                    if before == goal - 1 and (a, b) in lines:
+                        penalties[place, a, b] = lines[a, b].duration - self._time(start, end)
+        return penalties
 
     def _first_times(self, goal: int) -> Array:
         if goal not in self._known_first:
@@ -143,7 +162,7 @@ class WayFinder:
 
     def _is_free(self, move: tuple[int, int, int, int]) -> bool:
         """Whether a move is free, straight or by a detour known already; looks once."""
-        if self._checker is None or move in self._vias:
+        if self._checker is None or move in self._vias or move[2] in self._straight:
             return True
         if move not in self._free:
             a, b = self._ends(move)
@@ -154,7 +173,7 @@ class WayFinder:
         """First goal on the way chosen last whose move is not known to be free."""
         picks, _ = self._choose(kept)
         for place, move in enumerate(self._moves(kept, picks)):
-            if not (self._free.get(move) or move in self._vias):
+            if not (self._free.get(move) or move in self._vias or move[2] in self._straight):
                 return kept[place]
         return kept[-1]
 

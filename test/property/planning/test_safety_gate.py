@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -57,7 +59,7 @@ def random_goals(rng, chain, count):
             goals.append(Goal(position))
         else:
             goals.append(Goal(rng.normal(size=3) * 3.0))
-    return goals
+    return [replace(goal, straight_line=bool(rng.random() < 0.3)) for goal in goals]
 
 
 def dense_states(trajectory):
