@@ -8,10 +8,10 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.figures import limited
+from bench.ftws_arms import limited, planar, spatial
 from bench.ftws_rivals import sampled_verdicts, scipy_verdict
 from ft_manip_ros.core.arm_file import load_dh
-from ft_manip_ros.core.chain import Array, Joint, SerialChain
+from ft_manip_ros.core.chain import Array, SerialChain
 from ft_manip_ros.core.dh import DhTable
 from ft_manip_ros.core.ftws.map_build import build_map
 from ft_manip_ros.core.ftws.map_frame import map_frame
@@ -134,28 +134,16 @@ def closed_form(total: int = 10_000) -> None:
     )
 
 
-def planar(n: int) -> SerialChain:
-    """Planar arm of n unit links."""
-    joints = tuple(Joint(f'joint_{i + 1}') for i in range(n))
-    zero = np.zeros(n)
-    return DhTable(f'planar {n}R', joints, zero, np.ones(n), zero, zero).chain()
-
-
-def spatial(n: int) -> SerialChain:
-    """Table 1 continued: alternating pairs of parallel axes, unit links."""
-    joints = tuple(Joint(f'joint_{i + 1}') for i in range(n))
-    alpha = np.array([np.pi / 2 if i % 2 == 0 else 0.0 for i in range(n)])
-    return DhTable(f'spatial {n}R', joints, np.zeros(n), np.ones(n), alpha, np.zeros(n)).chain()
-
-
 def growth() -> None:
     """Time against joints, order and tolerance."""
     print('\nmean ms a member / a point within 1.5 times the reach, one thread')
     rng = np.random.default_rng(1)
     rows: list[tuple[str, SerialChain, int, float]] = []
     rows += [(f'spatial {n}R, order 1', spatial(n), 1, 1e-6) for n in range(5, 10)]
-    rows += [(f'planar {n}R, order 1', planar(n), 1, 1e-6) for n in range(4, 10)]
-    rows += [(f'planar {2 * k + 2}R, order {k}', planar(2 * k + 2), k, 1e-6) for k in (2, 3)]
+    rows += [(f'planar {n}R, order 1', planar(*[1.0] * n), 1, 1e-6) for n in range(4, 10)]
+    rows += [
+        (f'planar {2 * k + 2}R, order {k}', planar(*[1.0] * (2 * k + 2)), k, 1e-6) for k in (2, 3)
+    ]
     rows += [('spatial 5R, tolerance 1e-3', spatial(5), 1, 1e-3)]
     rows += [('spatial 5R, tolerance 1e-9', spatial(5), 1, 1e-9)]
     for name, chain, order, tolerance in rows:

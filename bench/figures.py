@@ -16,8 +16,9 @@ import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
-from ft_manip_ros.core.arm_file import load_arm, load_dh
-from ft_manip_ros.core.chain import Joint, SerialChain
+from bench.ftws_arms import limited
+from ft_manip_ros.core.arm_file import load_arm
+from ft_manip_ros.core.chain import SerialChain
 from ft_manip_ros.core.ftws.critical import critical_values
 from ft_manip_ros.core.ftws.ftws_map import FtwsMap
 from ft_manip_ros.core.ftws.map_build import build_map
@@ -34,16 +35,6 @@ matplotlib.use('Agg')
 
 FOLDER = Path(__file__).parent.parent / 'docs' / 'figures'
 THREADS = os.cpu_count() or 1
-
-
-def limited(arm: str, degrees: float) -> SerialChain:
-    """Arm file with the same symmetric limits for all joints."""
-    table = load_dh(arm)
-    limit = np.radians(degrees)
-    joints = tuple(Joint(joint.name, -limit, limit) for joint in table.joints)
-    return type(table)(
-        f'{table.name} at {degrees:g} deg', joints, table.d, table.a, table.alpha, table.offset
-    ).chain()
 
 
 def slice_map(

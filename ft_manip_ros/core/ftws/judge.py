@@ -265,7 +265,7 @@ def cover(
             if h == 0.0:
                 break
             w.halves[0] = h
-            if side == 0 and pieces.shape[0] > 0:
+            if pieces.shape[0] > 0:
                 record(pieces, count, combo_index, w.q, combo, w.halves)
             frontier = sweep(
                 chain, task, goal, w.q, w.is_free, combo, combo_index, w.halves, effort.radius,

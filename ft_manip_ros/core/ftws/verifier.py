@@ -1,7 +1,8 @@
 """Independent check of FTWS certificates, in plain NumPy.
 
-Shares no code with the engine, and uses weaker but simpler mathematics: first-order families of
-postures with an absolute bound of the second derivative, and branch and bound by gradients.
+Shares no code with the engine, and uses weaker but simpler mathematics: straight families of
+postures with the second derivative at their centre and a bound of the third, and branch and
+bound by gradients.
 What the certificate gives are only starting points: boxes that are too wide for the simple
 bound are halved and their postures corrected here.
 """
@@ -18,10 +19,14 @@ from ft_manip_ros.core.ftws.verifier_arm import Arm, Array
 _DEPTH = 16
 _BALLS = 14
 _ROUNDING = 1e-11
+# Boxes reach this far into each other (rad or m), lest rounding part them.
+_OVERLAP = 1e-12
+# How far (rad or m) postures of halved boxes start from the limits.
+_INSET = 5e-3
 _BATCH = 4096
-# Boxes at once, and for each piece, before a piece counts as not proved.
-_MOST_BOXES = 10_000
-_BOXES_PER_PIECE = 60
+# Pieces taken at once, and boxes of them at once before the rest counts as not proved.
+_CHUNK = 256
+_MOST_BOXES = 30_000
 
 
 class NotConfirmedError(Exception):
@@ -56,25 +61,18 @@ def check_goal(arm: Arm, goal: Mapping[str, Any], budget: int = 2_000_000) -> st
         pieces = [piece for piece in goal['pieces'] if piece['joints'] == named]
         low = np.array([arm.operating[0, j] for j in combo])
         high = np.array([arm.operating[1, j] for j in combo])
+        q = np.array([piece['posture'] for piece in pieces], float).reshape(-1, arm.n)
+        half = np.array([piece['half'] for piece in pieces], float).reshape(-1, len(combo))
         boxes = []
-        for piece in pieces:
-            q, half = np.array(piece['posture'], float), np.array(piece['half'], float)
-            boxes.append((q[combo] - half, q[combo] + half))
-        names = ', '.join(named)
+        for i in range(0, len(q), _CHUNK):
+            boxes += _proved(arm, target, combo, q[i : i + _CHUNK], half[i : i + _CHUNK])
+        boxes.sort(key=lambda box: tuple(box[0]))
         left = uncovered(low, high, boxes)
         if left is not None:
-            raise NotConfirmedError(f'{names} at {left.round(6).tolist()} is covered by no piece')
-        failed = _first_unproved(
-            arm,
-            target,
-            combo,
-            np.array([piece['posture'] for piece in pieces], float),
-            np.array([piece['half'] for piece in pieces], float),
-        )
-        if failed is not None:
-            raise NotConfirmedError(f'{names} at {failed.round(6).tolist()} is not proved')
-        proved += len(pieces)
-    return f'{proved} pieces proved and covering every combination'
+            names = ', '.join(named)
+            raise NotConfirmedError(f'{names} at {left.round(6).tolist()} is covered by no proof')
+        proved += len(boxes)
+    return f'{proved} proved boxes cover every combination'
 
 
 def uncovered(low: Array, high: Array, boxes: list[tuple[Array, Array]]) -> Array | None:
@@ -105,23 +103,28 @@ def uncovered(low: Array, high: Array, boxes: list[tuple[Array, Array]]) -> Arra
     return None
 
 
-def _first_unproved(
+def _proved(
     arm: Arm, target: Array, combo: list[int], q: Array, half: Array
-) -> Array | None:
+) -> list[tuple[Array, Array]]:
     """Prove postures within the limits over boxes of frozen positions, halving them as needed.
 
     ``q`` (N, n) are postures at the boxes' centres, ``half`` (N, k) their half-widths. Returns
-    the frozen positions of a box that was not proved, or None.
+    the ends of the boxes that were proved: pieces overlap, so some may fail.
     """
+    boxes: list[tuple[Array, Array]] = []
+    half = half + _OVERLAP
     free = [i for i in range(arm.n) if i not in combo]
-    most = max(_MOST_BOXES, _BOXES_PER_PIECE * len(q))
-    for depth in range(_DEPTH + 1):
+    inset = np.where(arm.wraps, -np.inf, np.minimum(_INSET, 0.25 * (arm.upper - arm.lower)))
+    low, high = (arm.lower + inset)[free], (arm.upper - inset)[free]
+    for _ in range(_DEPTH + 1):
+        if not len(q) or len(q) > _MOST_BOXES:
+            break
         q = arm.correct(q, free, target)
         residual = arm.residuals(q, target)
-        jacobian, distance, _, _ = arm.jacobians(q, target)
+        jacobian, distance, axes, linear = arm.jacobians(q, target)
         start = np.linalg.norm(residual, axis=1) + _ROUNDING
         part = jacobian[:, :, free]
-        inverse = np.linalg.pinv(part, rcond=1e-7)
+        inverse = arm.inverse(part, q[:, free], free)
         tangent = np.zeros((len(q), arm.n, len(combo)))
         tangent[:, free] = -inverse @ jacobian[:, :, combo]
         for column, joint in enumerate(combo):
@@ -130,6 +133,7 @@ def _first_unproved(
         missed = (np.linalg.norm(jacobian @ tangent, axis=1) * half).sum(axis=1)
         gain = np.zeros((len(q), arm.n))
         gain[:, free] = np.linalg.norm(inverse, axis=2)
+        second = _second_order(arm.hessians(axes, linear), tangent, inverse, free, half)
         defect = np.linalg.norm(part @ inverse - np.eye(part.shape[1]), axis=(1, 2))
         slack = np.where(arm.wraps, np.inf, np.minimum(q - arm.lower, arm.upper - q))
         slack[:, combo] = np.inf
@@ -137,24 +141,45 @@ def _first_unproved(
         rho = np.zeros(len(q))
         for ball in range(_BALLS):
             v = along + gain * rho[:, None]
-            bend = arm.derivative_bounds(distance, v)[0]
-            error = (start + missed + defect * rho + 0.5 * bend) * (1.0 + 1e-9)
+            bend = second[0] + rho * (second[1] + rho * second[2])
+            error = start + missed + defect * rho + arm.remainder(distance, v, bend)
+            error *= 1.0 + 1e-9
             # Without a ball nothing is corrected, but the posture may be near enough as it is.
             allowed = arm.tolerance if ball == 0 else rho
             proved |= (error <= allowed) & (v <= slack).all(axis=1)
             rho = np.maximum(2.0 * start, 1e-9) if ball == 0 else 2.5 * rho
+        done = q[proved][:, combo]
+        boxes += zip(done - half[proved], done + half[proved], strict=True)
         q, half, tangent = q[~proved], half[~proved], tangent[~proved]
-        if not len(q):
-            return None
-        if depth == _DEPTH or len(q) > most:
-            break
         rows = np.arange(len(q))
         side = np.argmax(half, axis=1)
         half = half.copy()
         half[rows, side] *= 0.5
         step = half[rows, side][:, None] * tangent[rows, :, side]
+        half[rows, side] += _OVERLAP
         q, half = np.concatenate([q - step, q + step]), np.concatenate([half, half])
-    return q[0, combo]
+        # Off the limits, where the self-motion allows it: at one, no box is admissible.
+        q[:, free] = np.clip(q[:, free], low, high)
+    return boxes
+
+
+def _second_order(
+    hessian: Array, tangent: Array, inverse: Array, free: list[int], half: Array
+) -> tuple[Array, Array, Array]:
+    """Bounds of |H[d, d]| for d = tangents within the box plus inverse times a ball.
+
+    Returns the coefficients (N,) of the ball's radius to the powers 0, 1 and 2.
+    """
+    bent = np.einsum('nrij,njk->nrik', hessian, tangent)
+    pairs = np.linalg.norm(np.einsum('nrik,nil->nrkl', bent, tangent), axis=1)
+    mixed = np.linalg.norm(np.einsum('nrik,nia->nrka', bent[:, :, free], inverse), axis=(1, 3))
+    part = np.einsum('nrij,nja->nria', hessian[:, :, free][:, :, :, free], inverse)
+    square = np.einsum('nria,nib->nrab', part, inverse)
+    return (
+        np.einsum('nkl,nk,nl->n', pairs, half, half),
+        2.0 * (mixed * half).sum(axis=1),
+        np.sqrt((square**2).sum(axis=(1, 2, 3))),
+    )
 
 
 def _check_lost(

@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+# Closer to a limit than this (rad or m), a joint is asked to contribute less.
+_LIMIT_ZONE = 0.4
+
 
 class Arm:
     """Serial chain of a certificate and what its goals ask.
@@ -149,10 +152,30 @@ class Arm:
         jacobian = np.einsum('ra,nia->nri', self.rows, full)
         return jacobian, np.linalg.norm(linear, axis=2), axes, linear
 
+    def hessians(self, axes: Array, linear: Array) -> Array:
+        """Second derivatives (N, m, n, n) of the position rows, from what `jacobians` returns."""
+        # With i <= k, d2p / dq_i dq_k = z_i x dp / dq_k for a revolute joint i, else zero.
+        turned = np.cross(axes[:, :, None], linear[:, None])
+        turned[:, self.prismatic] = 0.0
+        upper = turned * np.triu(np.ones((self.n, self.n)))[:, :, None]
+        strict = turned * np.triu(np.ones((self.n, self.n)), 1)[:, :, None]
+        return np.einsum('ra,nika->nrik', self.rows[:, :3], upper + strict.transpose(0, 2, 1, 3))
+
     def local(self, q: Array, goal: Array) -> tuple[Array, Array, Array]:
         """Residual (m,), Jacobian (m, n) and distances (n,) at one posture."""
         jacobian, distance, _, _ = self.jacobians(q[None], goal)
         return self.residuals(q[None], goal)[0], jacobian[0], distance[0]
+
+    def inverse(self, jacobian: Array, q: Array, free: list[int]) -> Array:
+        """Right inverses (N, f, m) that ask less of joints near their limits."""
+        lower, upper = self.lower[free], self.upper[free]
+        zone = np.minimum(_LIMIT_ZONE, 0.5 * (upper - lower))
+        share = np.clip(np.minimum(q - lower, upper - q) / np.maximum(zone, 1e-12), 1e-2, 1.0)
+        weights = np.where(self.wraps[free], 1.0, share)
+        inverse: Array = weights[:, :, None] * np.linalg.pinv(
+            jacobian * weights[:, None, :], rcond=1e-7
+        )
+        return inverse
 
     def correct(self, q: Array, free: list[int], goal: Array, steps: int = 6) -> Array:
         """Newton's method on the free joints of postures (N, n)."""
@@ -161,7 +184,7 @@ class Arm:
             residual = self.residuals(q, goal)
             if np.linalg.norm(residual, axis=1).max() < 1e-12:
                 break
-            inverse = np.linalg.pinv(self.jacobians(q, goal)[0][:, :, free], rcond=1e-7)
+            inverse = self.inverse(self.jacobians(q, goal)[0][:, :, free], q[:, free], free)
             step = np.einsum('nir,nr->ni', inverse, residual)
             largest = np.maximum(np.abs(step).max(axis=1, keepdims=True), 1e-300)
             q[:, free] -= step * np.minimum(1.0, 0.3 / largest)
@@ -180,7 +203,7 @@ class Arm:
             trial[free] -= np.linalg.solve(normal, part.T @ residual)
             trial = np.where(self.wraps, trial, np.clip(trial, self.lower, self.upper))
             after = float(np.linalg.norm(self.residuals(trial[None], goal)))
-            damping = damping * 0.3 if after < norm else damping * 4.0
+            damping = max(damping * 0.3, 1e-9) if after < norm else damping * 4.0
             if after < norm:
                 q, norm = trial, after
         return q
@@ -206,6 +229,16 @@ class Arm:
                 moved = moved + reach * v[..., k]
                 after = before
         return np.hypot(second, 0.5 * self.length * total**2), third
+
+    def remainder(self, distance: Array, v: Array, bend: Array) -> Array:
+        """Bound (N,) of the residual's change beyond first order along |dq_i| <= v_i.
+
+        ``bend`` (N,) bounds the second derivative of the position at the box's centre.
+        """
+        second, third = self.derivative_bounds(distance, v)
+        total = v[..., ~self.prismatic].sum(axis=-1)
+        exact: Array = 0.5 * bend + third / 6.0 + 0.25 * self.length * total**2
+        return np.minimum(exact, 0.5 * second)
 
     def lower_bounds(
         self, q: Array, half: Array, residuals: Array, goal: Array, aim: Array | None

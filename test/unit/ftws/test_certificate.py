@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 
 from ft_manip_ros.cli.main import main
+from ft_manip_ros.core.arm_file import load_arm
 from ft_manip_ros.core.errors import InputError
 from ft_manip_ros.core.ftws.certificate import certify, load_certificate, save_certificate, verify
 from ft_manip_ros.core.ftws.settings import FtwsSettings
+from ft_manip_ros.core.ftws.verdict import Verdict
 from ft_manip_ros.core.ftws.verifier import uncovered
 from unit.ftws.arms import planar, table_1
 
@@ -35,11 +37,25 @@ def test_spatial_and_pose_certificates_hold():
     assert all(ok for ok, _ in verify(planar_pose))
 
 
+def test_the_points_of_eq_11_are_confirmed():
+    points = np.array([[0.5, 0.0, 0.5], [0.0, 0.5, 0.25], [0.75, 0.0, 0.5]])
+    results, eq_11 = certify(load_arm('paredis_table_3'), points, settings=SETTINGS)
+    assert [result.verdict for result in results] == [Verdict.MEMBER] * 3
+    assert all(ok for ok, _ in verify(eq_11))
+
+
+def test_proofs_beside_joint_limits_are_confirmed():
+    points = np.random.default_rng(3).uniform(-1.5, 1.5, (6, 3))
+    results, limited = certify(table_1(limit_deg=170.0), points, settings=SETTINGS)
+    assert len({result.verdict for result in results}) > 1
+    assert all(ok for ok, _ in verify(limited))
+
+
 def test_a_missing_piece_is_found(document):
     broken = copy.deepcopy(document)
     del broken['goals'][0]['pieces'][3]
     ok, text = next(verify(broken))
-    assert not ok and 'covered by no piece' in text
+    assert not ok and 'covered by no proof' in text
 
 
 def test_a_wrong_verdict_is_found(document):
@@ -78,7 +94,8 @@ def test_command_line_round_trip(tmp_path, capsys):
     assert main(['verify', str(path), '--arm', 'planar_4r']) == 0
     assert main(['verify', str(path), '--arm', 'planar_3r']) == 2
     document = load_certificate(path)
-    document['goals'][0]['pieces'].pop(0)
+    pieces = document['goals'][0]['pieces']
+    document['goals'][0]['pieces'] = [p for p in pieces if p['joints'] != ['joint_2']]
     save_certificate(document, path)
     assert main(['verify', str(path)]) == 1
 
