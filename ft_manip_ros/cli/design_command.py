@@ -63,12 +63,15 @@ def add_parser(subparsers: Any) -> None:
         help="room around every goal, as a share of the farthest goal's distance",
     )  # fmt: skip
     parser.add_argument(
-        '--ball', type=float, default=0.0, help='reach the whole ball of this radius (m)'
+        '--ball',
+        type=float,
+        default=0.0,
+        help='reach the whole ball of this radius (m) around goals that have no region',
     )
     parser.add_argument(
         '--alpha-step-deg', type=float, default=0.0, help='alpha is a multiple of this'
     )
-    parser.add_argument('--family', choices=FAMILIES, default=defaults.family)
+    parser.add_argument('--family', choices=FAMILIES, default='')
     parser.add_argument('--max-length', type=float, help='longest sum of link lengths (m)')
     parser.add_argument(
         '--shorten', action='store_true', help='then make the proved design shorter'
@@ -175,12 +178,14 @@ def specification(args: argparse.Namespace, task: Task) -> DesignSpec:
     if task.design is None and args.dof is None:
         raise InputError('--dof', f'is needed: task {task.name!r} has no design section')
     spec = task.design or DesignSpec(args.dof)
+    changes: dict[str, Any] = {}
     if args.limits_deg is not None:
-        lower, upper = np.deg2rad(args.limits_deg)
-        spec = replace(spec, lower=float(lower), upper=float(upper))
-    dof = spec.dof if args.dof is None else args.dof
-    order = spec.order if args.order is None else args.order
-    return replace(spec, dof=dof, order=order)
+        changes['lower'], changes['upper'] = np.deg2rad(args.limits_deg).tolist()
+    if args.dof is not None:
+        changes['dof'] = args.dof
+    if args.order is not None:
+        changes['order'] = args.order
+    return replace(spec, **changes)
 
 
 def _value(option: str, name: str, text: str) -> float:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from ft_manip_ros.core.chain import Array
 from ft_manip_ros.core.errors import InputError
+from ft_manip_ros.core.region import Region
 
 DEFAULT_POSITION_TOLERANCE = 1e-3
 DEFAULT_ORIENTATION_TOLERANCE = 1e-2
@@ -39,6 +40,9 @@ class Goal:
     straight_line
         True: the tool has to come here on a straight line, from the goal before or, where none
         remains before it, from where it stands.
+    region
+        Volume around ``position`` that a design has to reach whole, every point of it in the
+        goal's orientation; None for the position alone. Read by the designer only.
     """
 
     position: Array
@@ -48,6 +52,7 @@ class Goal:
     orientation_tolerance: float = DEFAULT_ORIENTATION_TOLERANCE
     id: str = ''
     straight_line: bool = False
+    region: Region | None = None
 
     def __post_init__(self) -> None:
         where = f'goal {self.id!r}' if self.id else 'goal'
@@ -72,7 +77,7 @@ class Goal:
 
 @dataclass(frozen=True)
 class DesignSpec:
-    """What the designer has to design.
+    """What the designer has to design, and within what.
 
     Attributes
     ----------
@@ -81,17 +86,29 @@ class DesignSpec:
     order
         How many joints may be frozen at once.
     lower, upper
-        Limits of every joint, rad.
+        Limits of every joint, rad; or a tuple with one entry per joint.
     bounds
-        Ranges to search in, by DH column: ``{'d': (lo, hi), 'a': (lo, hi), 'alpha': (lo, hi)}``
-        (m, m, rad); columns that are missing, or None, leave the choice to the designer.
+        Ranges to search in, by DH column or parameter: ``{'a': (lo, hi), 'alpha_2': (lo, hi)}``
+        (m, m, rad); what is missing is left to the designer.
+    fixed
+        Values by DH parameter, ``{'d_1': 0.2}`` (m, m, rad).
+    alpha_step
+        alpha may only be a multiple of this (rad); 0 for any value.
+    family
+        ``'free'`` or ``'symmetric'``; see `design.space`.
+    max_length
+        Largest sum of link lengths (m).
     """
 
     dof: int
     order: int = 1
-    lower: float = -np.pi
-    upper: float = np.pi
-    bounds: Mapping[str, tuple[float, float]] | None = None
+    lower: float | tuple[float, ...] = -np.pi
+    upper: float | tuple[float, ...] = np.pi
+    bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    fixed: Mapping[str, float] = field(default_factory=dict)
+    alpha_step: float = 0.0
+    family: str = 'free'
+    max_length: float = np.inf
 
     def __post_init__(self) -> None:
         if self.order < 1:
@@ -100,15 +117,24 @@ class DesignSpec:
             raise InputError(
                 'design: dof', f'is {self.dof}; must exceed the order of fault tolerance'
             )
-        if not (np.isfinite(self.lower) and np.isfinite(self.upper) and self.lower < self.upper):
-            raise InputError(
-                'design: joint limits', f'[{self.lower:g}, {self.upper:g}] is not an interval'
-            )
-        for key, (lo, hi) in (self.bounds or {}).items():
-            if key not in ('d', 'a', 'alpha'):
-                raise InputError(f'design: bounds.{key}', 'is not one of d, a, alpha')
-            if not (np.isfinite(lo) and np.isfinite(hi) and lo <= hi):
-                raise InputError(f'design: bounds.{key}', f'[{lo:g}, {hi:g}] is not an interval')
+        for name, value in (('lower', self.lower), ('upper', self.upper)):
+            if np.size(value) not in (1, self.dof):
+                raise InputError(
+                    f'design: joint limits: {name}',
+                    f'has {np.size(value)} entries; {self.dof} joints need 1 or {self.dof}',
+                )
+        for lower, upper in self.joint_limits:
+            if not (np.isfinite(lower) and np.isfinite(upper) and lower < upper):
+                raise InputError(
+                    'design: joint limits', f'[{lower:g}, {upper:g}] is not an interval'
+                )
+
+    @property
+    def joint_limits(self) -> Array:
+        """Lower and upper limit of every joint, shape (n, 2), rad."""
+        return np.stack(
+            [np.broadcast_to(np.ravel(v), self.dof) for v in (self.lower, self.upper)], axis=1
+        )
 
 
 @dataclass(frozen=True, eq=False)

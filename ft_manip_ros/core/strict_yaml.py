@@ -134,6 +134,24 @@ class Fields:
             )
         return [_finite(item, f'{self.at(key)}[{i}]') for i, item in enumerate(value)]
 
+    def is_table(self, key: str) -> bool:
+        """Whether the key's value is a list of lists."""
+        value = self._values.get(key)
+        return isinstance(value, list) and any(isinstance(row, list) for row in value)
+
+    def pairs(self, key: str) -> list[tuple[float, float]]:
+        """Return a list of pairs of finite numbers, at least one."""
+        self._asked.append(key)
+        value = self._values.get(key)
+        if not isinstance(value, list) or not value:
+            raise InputError(self.at(key), f'is {_kind(value)}; a list of pairs is needed')
+        rows = Fields({f'[{i}]': row for i, row in enumerate(value)}, self.at(key), separator='')
+        out = []
+        for i in range(len(value)):
+            low, high = rows.numbers(f'[{i}]', 2)
+            out.append((low, high))
+        return out
+
     def angle(self, key: str, default: float | None = None) -> float | None:
         """Return an angle in rad, given in rad under ``key`` or in degrees under ``key_deg``."""
         radians, degrees = self.has(key), self.has(f'{key}_deg')

@@ -17,6 +17,7 @@ from ft_manip_ros.core.goal import (
     quaternion_from_rotation,
     rotation_from_quaternion,
 )
+from ft_manip_ros.core.region import Box, Sphere
 from ft_manip_ros.core.task_file import load_task
 
 GOOD = """
@@ -59,6 +60,41 @@ def test_every_field_is_read(tmp_path: Path) -> None:
     assert task.design.bounds['alpha'] == pytest.approx((-np.pi / 2, np.pi / 2))
 
 
+VOLUMES = """
+name: volumes
+regions:
+  - {id: bin, box: {center: [0.5, 0.3, 0.4], size: [0.3, 0.2, 0.1]}}
+  - {sphere: {center: [0, 0, 1], radius: 0.1}, orientation: [0, 0, 0.6, 0.8], free_axis: true}
+design:
+  dof: 3
+  joint_limits_deg: [[-90, 90], [-100, 120], [0, 180]]
+  bounds: {a: [0, 2], a_2: [0.1, 0.2], alpha_2_deg: [-90, 90]}
+  fixed: {d_1: 0.3, alpha_1_deg: 90}
+  alpha_step_deg: 15
+  family: free
+  max_length: 2.5
+"""
+
+
+def test_volumes_and_all_of_the_design_section_are_read(tmp_path: Path) -> None:
+    task = _load(tmp_path, VOLUMES)
+    box, sphere = task.goals
+    assert (box.id, box.region) == ('bin', Box((0.3, 0.2, 0.1)))
+    assert box.position.tolist() == [0.5, 0.3, 0.4]
+    assert (sphere.id, sphere.region) == ('region_2', Sphere(0.1))
+    assert sphere.free_axis
+    spec = task.design
+    assert spec is not None
+    assert np.rad2deg(spec.joint_limits) == pytest.approx(
+        np.array([[-90.0, 90.0], [-100.0, 120.0], [0.0, 180.0]])
+    )
+    assert spec.bounds['a_2'] == (0.1, 0.2)
+    assert spec.bounds['alpha_2'] == pytest.approx((-np.pi / 2, np.pi / 2))
+    assert spec.fixed == {'d_1': 0.3, 'alpha_1': pytest.approx(np.pi / 2)}
+    assert spec.alpha_step == pytest.approx(np.pi / 12)
+    assert (spec.family, spec.max_length) == ('free', 2.5)
+
+
 def test_the_papers_task_is_equation_11() -> None:
     task = load_task('paredis_eq_11')
     assert [goal.position.tolist() for goal in task.goals] == [
@@ -90,6 +126,30 @@ REFUSED = {
     'limits swapped': ('[-150, 150]', '[150, -150]', r'design.*joint limits'),
     'unknown bound': ('bounds: {a:', 'bounds: {theta:', r'design\.bounds\.theta: is not a known'),
 }
+
+
+REFUSED_VOLUMES = {
+    'no volume': ('box: {center: [0.5, 0.3, 0.4], size: [0.3, 0.2, 0.1]}', '', r'regions\[0\]'),
+    'flat': ('size: [0.3, 0.2, 0.1]', 'size: [0.3, 0, 0.1]', r'regions\[0\]\.box.*size'),
+    'hollow': ('radius: 0.1', 'radius: -1', r'regions\[1\]\.sphere.*radius'),
+    'no centre': ('center: [0, 0, 1], ', '', r'regions\[1\]\.sphere\.center: is missing'),
+    'two volumes': ('- {sphere', '- {box: {}, sphere', r'regions\[1\].*one of'),
+    'one limit less': (', [0, 180]]', ']', r'design.*limits: lower: has 2'),
+    'half a limit': ('[0, 180]]', '[0]]', r'joint_limits_deg\[2\]: is a list of 1'),
+    'limits mixed': ('[0, 180]]', '0]', r'joint_limits_deg\[2\]: is 0'),
+    'unknown joint': ('d_1:', 'd_9:', r'design\.fixed\.d_9: is not a known key'),
+    'unknown family': ('family: free', 'family: round', r'design.*family.*symmetric'),
+    'no step': ('alpha_step_deg: 15', 'alpha_step_deg: -15', r'design.*alpha_step'),
+    'no length': ('max_length: 2.5', 'max_length: 0', r'design.*max_length'),
+}
+
+
+@pytest.mark.parametrize('case', REFUSED_VOLUMES)
+def test_what_is_wrong_in_volumes_is_named(case: str, tmp_path: Path) -> None:
+    old, new, message = REFUSED_VOLUMES[case]
+    assert old in VOLUMES
+    with pytest.raises(InputError, match=message):
+        _load(tmp_path, VOLUMES.replace(old, new, 1))
 
 
 @pytest.mark.parametrize('case', REFUSED)

@@ -144,7 +144,7 @@ class _Chain:
         candidate = Candidate(
             p.copy(),
             evaluation.total,
-            tuple(float(x) for x in evaluation.goal_penalties),
+            tuple(float(x) for x in self.problem.per_goal(evaluation.point_penalties)),
             self.temperature,
             self.rate,
             self.tried,
@@ -155,10 +155,5 @@ class _Chain:
         if not self.problem.settings.prove:
             return candidate
         table = self.problem.table(p)
-        self.proof = prove(
-            table.chain(),
-            self.problem.task,
-            self.problem.spec.order,
-            self.problem.settings.ball,
-        )
+        self.proof = prove(table.chain(), self.problem.task, self.problem.spec.order, self.stop)
         return candidate if self.proof.proved else None

@@ -124,7 +124,8 @@ def fingerprint(problem: DesignProblem) -> str:
     }
     parts = [
         json.dumps(settings, sort_keys=True, default=str),
-        repr((problem.spec.dof, problem.spec.order, problem.spec.lower, problem.spec.upper)),
+        json.dumps(asdict(problem.spec), sort_keys=True, default=str),
+        json.dumps([repr(goal.region) for goal in problem.task.goals]),
     ]
     digest = hashlib.sha256('\n'.join(parts).encode())
     for array in (problem.space.lower, problem.space.upper, *problem.goals):

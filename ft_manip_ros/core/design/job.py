@@ -6,7 +6,10 @@ import threading
 import time
 from queue import Empty, SimpleQueue
 
+import numpy as np
+
 from ft_manip_ros.core.design.candidate import Candidate, DesignResult
+from ft_manip_ros.core.design.problem import ZERO
 from ft_manip_ros.core.design.search import design_arm
 from ft_manip_ros.core.design.settings import DesignSettings
 from ft_manip_ros.core.goal import DesignSpec, Task
@@ -33,6 +36,9 @@ class DesignJob:
         self.best: Candidate | None = None
         self.result: DesignResult | None = None
         self.error: Exception | None = None
+        # When the penalty was first known and what it was, and when it last fell.
+        self._first: tuple[float, float] | None = None
+        self._improved = 0.0
         self._news: SimpleQueue[tuple[Candidate, bool]] = SimpleQueue()
         self._stop = threading.Event()
         self._done = threading.Event()
@@ -49,6 +55,21 @@ class DesignJob:
     def done(self) -> bool:
         """True when the search has ended."""
         return self._done.is_set()
+
+    def eta(self) -> float:
+        """Time to penalty zero if the best penalty kept falling as it has (s), a rough guess.
+
+        Zero where it is reached and only the proof is missing; infinite before it has fallen.
+        """
+        if self.best is None or self._first is None:
+            return np.inf
+        if self.best.penalty <= ZERO:
+            return 0.0
+        fallen = float(np.log(self._first[1] / self.best.penalty))
+        if fallen <= 0.0 or not np.isfinite(fallen):
+            return np.inf
+        taken = self._improved - self._first[0]
+        return taken * float(np.log(self.best.penalty / ZERO)) / fallen
 
     def stop(self) -> None:
         """Ask the search to end with its best design; returns at once."""
@@ -82,5 +103,8 @@ class DesignJob:
             self._done.set()
 
     def _on_candidate(self, candidate: Candidate, best: Candidate) -> None:
+        if candidate is best:
+            self._improved = self.elapsed
+            self._first = self._first or (self._improved, candidate.penalty)
         self.latest, self.best = candidate, best
         self._news.put((candidate, candidate is best))

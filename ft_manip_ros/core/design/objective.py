@@ -28,9 +28,9 @@ class Evaluation:
     ----------
     total
         Equation 7 (m^2 + rad^2), or a lower bound above ``give_up`` where ``complete`` is False.
-    worst : ndarray, shape (G, S)
-        Worst penalty of each goal and set of frozen joints.
-    postures : ndarray, shape (G, S, n)
+    worst : ndarray, shape (P, S)
+        Worst penalty of each point and set of frozen joints.
+    postures : ndarray, shape (P, S, n)
         The frozen angles it was found at, with the best posture of the other joints.
     """
 
@@ -40,8 +40,8 @@ class Evaluation:
     complete: bool
 
     @property
-    def goal_penalties(self) -> Array:
-        """Share of each goal, shape (G,)."""
+    def point_penalties(self) -> Array:
+        """Share of each point searched for, shape (P,)."""
         return self.worst.sum(axis=1)
 
 
@@ -87,14 +87,25 @@ class Objective:
 
     def forget(self) -> None:
         """Drop carried postures and start the restarts' random stream afresh."""
-        rng = np.random.default_rng(self._seed)
-        self._state = random_state(rng)
-        sets, n = self.problem.sets, self.problem.spec.dof
+        self._rng = np.random.default_rng(self._seed)
+        self._state = random_state(self._rng)
         if self.middle == 'march':
-            shape = (len(self.goals.positions), len(sets.frozen), self.problem.nodes, n)
-            middle = 0.5 * (self.limits.lower + self.limits.upper)
-            # Not all zero: a stretched or folded arm is a stationary point of the penalty.
-            self._postures = middle + rng.uniform(-1.0, 1.0, shape)
+            self._postures = self._first_postures(len(self.goals.positions))
+
+    def set_goals(self, goals: Goals) -> None:
+        """Ask for more: ``goals`` starts with those of before."""
+        more = len(goals.positions) - len(self.goals.positions)
+        self.goals = goals
+        if self.middle == 'march':
+            self._postures = np.concatenate([self._postures, self._first_postures(more)])
+
+    def _first_postures(self, goals: int) -> Array:
+        sets, n = self.problem.sets, self.problem.spec.dof
+        middle = 0.5 * (self.limits.lower + self.limits.upper)
+        # Not all zero: a stretched or folded arm is a stationary point of the penalty.
+        shape = (goals, len(sets.frozen), self.problem.nodes, n)
+        postures: Array = middle + self._rng.uniform(-1.0, 1.0, shape)
+        return postures
 
     def evaluate(self, p: Array, give_up: float = np.inf) -> Evaluation:
         """Value of parameters ``p`` (3n,); may stop once it is known to exceed ``give_up``."""

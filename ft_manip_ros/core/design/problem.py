@@ -8,21 +8,14 @@ from math import comb
 import numpy as np
 
 from ft_manip_ros.core.chain import FULL_TURN, Array, Joint
-from ft_manip_ros.core.design.dh_kernels import (
-    AXIS,
-    POSE,
-    POSITION,
-    DhRows,
-    Goals,
-    Limits,
-    make_rows,
-)
+from ft_manip_ros.core.design.dh_kernels import DhRows, Goals, IntArray, Limits, make_rows
 from ft_manip_ros.core.design.frozen_sets import FrozenSets, frozen_sets
+from ft_manip_ros.core.design.search_goals import guarded_goals, pack_task, with_balls
 from ft_manip_ros.core.design.settings import DesignSettings
 from ft_manip_ros.core.design.space import DesignSpace, design_space
 from ft_manip_ros.core.dh import DhTable
 from ft_manip_ros.core.errors import InputError
-from ft_manip_ros.core.goal import DesignSpec, Goal, Task
+from ft_manip_ros.core.goal import DesignSpec, Task
 
 # Penalty (m^2 + rad^2) that counts as reached: well inside the 1e-6 m of the verdicts.
 ZERO = 1e-14
@@ -37,10 +30,15 @@ class DesignProblem:
 
     Attributes
     ----------
+    task
+        With a region around every goal that stands for a volume.
     goals, limits
-        The task's own goals and joint limits, as the objective of equation 7 counts them.
+        Points and joint limits, as the objective of equation 7 counts them: the task's own
+        goals, then points on the surfaces of their regions.
+    owners : ndarray, shape (P,)
+        The goal of the task that each point belongs to.
     reach
-        Distance of the farthest goal from the base, m.
+        Distance of the farthest point from the base, m.
     """
 
     task: Task
@@ -49,26 +47,31 @@ class DesignProblem:
     space: DesignSpace
     sets: FrozenSets
     goals: Goals
+    owners: IntArray
     limits: Limits
     reach: float
 
     def guarded(self, share: float) -> tuple[Goals, Limits]:
         """Goals and limits with ``share`` of the settings' margins.
 
-        The task's own goals come first, then the points around each; the limits are narrower
+        The points of the problem come first, then those around each; the limits are narrower
         for moving joints only.
         """
-        # The corners must lie well outside a ball for all of it to be reached.
-        radius = share * self.settings.margin * self.reach + 1.5 * self.settings.ball
         return (
-            _guarded(self.goals, radius),
+            guarded_goals(self.task, self.goals, share * self.settings.margin * self.reach),
             _limits(self.spec, share * self.settings.limit_margin),
         )
 
     @property
     def goal_count(self) -> int:
         """Number of goals of the task."""
-        return len(self.goals.positions)
+        return len(self.task.goals)
+
+    def per_goal(self, penalties: Array) -> Array:
+        """Sum the penalties of the problem's points (P or more,) by goal of the task, (G,)."""
+        shares = np.zeros(self.goal_count)
+        np.add.at(shares, self.owners, penalties[: len(self.owners)])
+        return shares
 
     @property
     def nodes(self) -> int:
@@ -83,7 +86,10 @@ class DesignProblem:
     def table(self, p: Array) -> DhTable:
         """Table of parameters ``p`` (3n,) as an arm with the task's joint limits."""
         n = self.spec.dof
-        joints = tuple(Joint(f'joint_{i + 1}', self.spec.lower, self.spec.upper) for i in range(n))
+        joints = tuple(
+            Joint(f'joint_{i + 1}', lower, upper)
+            for i, (lower, upper) in enumerate(self.spec.joint_limits.tolist())
+        )
         name = f'design_{self.task.name}'
         return DhTable(name, joints, p[:n], p[n : 2 * n], p[2 * n :], np.zeros(n))
 
@@ -124,65 +130,25 @@ def design_problem(
         raise InputError(
             'angles', f'{nodes} for {order} of {n} frozen joints make more than {_MAX_NODES} RODs'
         )
-    reach = max(float(np.linalg.norm(goal.position)) for goal in task.goals)
-    bounds = {**(spec.bounds or {}), **settings.bounds}
+    task = with_balls(task, settings.ball)
+    goals, owners = pack_task(task)
+    reach = float(np.linalg.norm(goals.positions, axis=1).max())
     space = design_space(
         n,
         reach,
-        bounds=bounds,
-        fixed=settings.fixed,
-        alpha_step=settings.alpha_step,
-        family=settings.family,
-        max_length=settings.max_length,
+        bounds={**spec.bounds, **settings.bounds},
+        fixed={**spec.fixed, **settings.fixed},
+        alpha_step=settings.alpha_step or spec.alpha_step,
+        family=settings.family or spec.family,
+        max_length=min(settings.max_length, spec.max_length),
     )
     limits = _limits(spec, 0.0)
-    return DesignProblem(
-        task,
-        spec,
-        settings,
-        space,
-        frozen_sets(limits, order, nodes),
-        pack_goals(task.goals),
-        limits,
-        reach,
-    )
-
-
-def pack_goals(goals: tuple[Goal, ...]) -> Goals:
-    """Return goals as the kernels read them."""
-    modes = [
-        POSITION if goal.orientation is None else AXIS if goal.free_axis else POSE
-        for goal in goals
-    ]
-    return Goals(
-        np.array([goal.position for goal in goals], dtype=float),
-        np.array([np.eye(3) if g.orientation is None else g.orientation for g in goals]),
-        np.array(modes, dtype=np.int64),
-    )
+    sets = frozen_sets(limits, order, nodes)
+    return DesignProblem(task, spec, settings, space, sets, goals, owners, limits, reach)
 
 
 def _limits(spec: DesignSpec, margin: float) -> Limits:
-    n = spec.dof
-    limited = spec.upper - spec.lower < FULL_TURN - 1e-6
-    inset = min(margin, 0.25 * (spec.upper - spec.lower)) if limited else 0.0
-    return Limits(
-        np.full(n, spec.lower + inset),
-        np.full(n, spec.upper - inset),
-        np.full(n, limited),
-        np.full(n, spec.lower),
-        np.full(n, spec.upper),
-    )
-
-
-def _guarded(goals: Goals, radius: float) -> Goals:
-    """Return the goals, then the corners of a tetrahedron of ``radius`` (m) around each."""
-    if radius <= 0.0:
-        return goals
-    corners = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]]) / np.sqrt(3.0)
-    positions = [goals.positions] + [goals.positions + radius * corner for corner in corners]
-    copies = len(positions)
-    return Goals(
-        np.ascontiguousarray(np.concatenate(positions)),
-        np.ascontiguousarray(np.tile(goals.orientations, (copies, 1, 1))),
-        np.tile(goals.modes, copies),
-    )
+    lower, upper = np.ascontiguousarray(spec.joint_limits.T)
+    limited = upper - lower < FULL_TURN - 1e-6
+    inset = np.where(limited, np.minimum(margin, 0.25 * (upper - lower)), 0.0)
+    return Limits(lower + inset, upper - inset, limited, lower, upper)

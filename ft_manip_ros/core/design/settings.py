@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ft_manip_ros.core.design.inner import INNER_METHODS
+from ft_manip_ros.core.design.space import FAMILIES
 from ft_manip_ros.core.errors import InputError
 
 METHODS = ('worst_cases', 'annealing', 'paredis_1994')
@@ -50,11 +51,12 @@ class DesignSettings:
         Every goal is searched together with points this far around it, as a share of the
         farthest goal's distance, so that the proof does not meet a design on the boundary.
     ball
-        Radius (m) of the ball around every goal that the design must reach whole.
+        Radius (m) of the ball that the design must reach whole, for goals without a region.
     limit_margin
         rad by which moving joints keep away from their limits during the search.
     bounds, fixed, alpha_step, family, max_length
-        See `space.design_space`.
+        See `space.design_space`; each over the specification's own where given, the shorter
+        length of the two.
     shorten
         Spend what is left of the time budget on shorter proved designs.
     prove
@@ -79,7 +81,7 @@ class DesignSettings:
     bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     fixed: Mapping[str, float] = field(default_factory=dict)
     alpha_step: float = 0.0
-    family: str = 'free'
+    family: str = ''
     max_length: float = np.inf
     shorten: bool = False
     prove: bool = True
@@ -96,6 +98,8 @@ class DesignSettings:
 
     def __post_init__(self) -> None:
         _one_of('method', self.method, METHODS)
+        if self.family:
+            _one_of('family', self.family, FAMILIES)
         _one_of('executor', self.executor, EXECUTORS)
         if self.inner:
             _one_of('inner', self.inner, INNER_METHODS)
