@@ -8,14 +8,21 @@ import numpy as np
 from std_msgs.msg import Header
 
 from ft_manip_interfaces.action import DesignArm
-from ft_manip_interfaces.msg import DesignCandidate
+from ft_manip_interfaces.msg import DesignCandidate, TaskRegion
 from ft_manip_ros.core.design.candidate import Candidate, DesignResult
 from ft_manip_ros.core.design.job import DesignJob
 from ft_manip_ros.core.design.problem import DesignProblem, design_problem
 from ft_manip_ros.core.design.settings import DesignSettings
 from ft_manip_ros.core.errors import InputError
-from ft_manip_ros.core.goal import DesignSpec, Task
-from ft_manip_ros.nodes.conversions import dh_to_message, stamp, task_from_message
+from ft_manip_ros.core.goal import DesignSpec, Goal, Task
+from ft_manip_ros.core.region import Box, Region, Sphere
+from ft_manip_ros.nodes.conversions import (
+    dh_to_message,
+    goal_from_message,
+    stamp,
+    task_from_message,
+)
+from ft_manip_ros.nodes.design_parameters import joint_limits
 
 
 @dataclass(frozen=True)
@@ -41,11 +48,16 @@ def request_from_goal(goal: DesignArm.Goal, defaults: DesignSettings) -> Request
     InputError
         Naming the field of the goal.
     """
-    limits = (float(goal.lower), float(goal.upper))
-    if limits == (0.0, 0.0):
-        limits = (-np.pi, np.pi)
-    task = task_from_message(goal.task)
-    spec = DesignSpec(int(goal.dof), int(goal.order) or 1, *limits)
+    limits = list(goal.joint_limits) or [float(goal.lower), float(goal.upper)]
+    if limits == [0.0, 0.0]:
+        limits = [-np.pi, np.pi]
+    regions = [region_from_message(region, i) for i, region in enumerate(goal.regions)]
+    points = task_from_message(goal.task).goals if goal.task.goals or not regions else ()
+    task = Task(goal.task.name, (*points, *regions))
+    dof = int(goal.dof)
+    spec = DesignSpec(
+        **{'dof': dof, 'order': int(goal.order) or 1, **joint_limits(limits, dof, 'joint_limits')}
+    )
     if not (np.isfinite(goal.time_budget) and goal.time_budget >= 0.0):
         raise InputError('time_budget', f'is {goal.time_budget}; must be >= 0 s (0: the default)')
     settings = replace(
@@ -55,6 +67,19 @@ def request_from_goal(goal: DesignArm.Goal, defaults: DesignSettings) -> Request
         method=goal.method or defaults.method,
     )
     return make_request(task, spec, settings)
+
+
+def region_from_message(message: TaskRegion, index: int) -> Goal:
+    """Volume of points of a message, as a goal at its centre; raises `InputError`."""
+    goal = goal_from_message(message.goal, f'region_{index + 1}')
+    region: Region
+    if message.shape == TaskRegion.BOX:
+        region = Box((message.size.x, message.size.y, message.size.z))
+    elif message.shape == TaskRegion.SPHERE:
+        region = Sphere(message.radius)
+    else:
+        raise InputError(f'region {goal.id!r}: shape', f'is {message.shape}; must be 0 or 1')
+    return replace(goal, region=region)
 
 
 def candidate_to_message(
@@ -105,6 +130,7 @@ def feedback(job: DesignJob) -> DesignArm.Feedback:
         message.acceptance_rate = job.latest.acceptance_rate
     message.elapsed = job.elapsed
     message.remaining = max(job.settings.time_budget - job.elapsed, 0.0)
+    message.eta = min(job.eta(), message.remaining)
     return message
 
 

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
 from rclpy.parameter import Parameter
 
 from ft_manip_ros.core.design.settings import METHODS, DesignSettings
@@ -24,7 +28,7 @@ PARAMETERS = (
     ParameterSpec(
         'joint_limits',
         Parameter.Type.DOUBLE_ARRAY,
-        'Lower and upper limit of every joint; empty: as the task file says.',
+        'Lower and upper limit of every joint, or of each in turn; empty: as the task file says.',
         'rad',
     ),
     ParameterSpec('method', METHODS[0], 'How to search.', choices=METHODS),
@@ -40,14 +44,34 @@ PARAMETERS = (
         0.5,
     ),
     ParameterSpec(
-        'ball', 0.0, 'Radius of the ball around every goal to be reached whole.', 'm', 0.0, 10.0
+        'ball',
+        0.0,
+        'Radius of the ball around every goal to be reached whole, where it has no region.',
+        'm',
+        0.0,
+        10.0,
     ),
     ParameterSpec(
-        'alpha_step', 0.0, 'alpha is a multiple of this; 0: any value.', 'rad', 0.0, 3.2
+        'alpha_step',
+        0.0,
+        'alpha is a multiple of this; 0: as the task file says, or any value.',
+        'rad',
+        0.0,
+        3.2,
     ),
-    ParameterSpec('family', FAMILIES[0], 'Links free, or tied symmetrically.', choices=FAMILIES),
     ParameterSpec(
-        'max_length', 0.0, 'Longest sum of link lengths; 0: no such limit.', 'm', 0.0, 1e4
+        'family',
+        '',
+        'Links free, or tied symmetrically; empty: as the task file says.',
+        choices=('', *FAMILIES),
+    ),
+    ParameterSpec(
+        'max_length',
+        0.0,
+        'Longest sum of link lengths; 0: as the task file says, or any.',
+        'm',
+        0.0,
+        1e4,
     ),
     ParameterSpec('frame', 'base_link', 'Frame of everything published: the base of the arm.'),
 )
@@ -74,14 +98,33 @@ def read_specification(node: ManagedNode, task: Task) -> DesignSpec:
     Raises
     ------
     InputError
-        Where neither says how many joints, or the limits are not two numbers.
+        Where neither says how many joints, or the limits do not fit them.
     """
     limits = list(node.param('joint_limits'))
     dof, order = node.param('dof'), node.param('order')
     if task.design is None and not dof:
         raise InputError('parameter dof', f'is 0, and task {task.name!r} has no design section')
-    if limits and len(limits) != 2:
-        raise InputError('parameter joint_limits', f'has {len(limits)} values; needs 2 or 0')
     base = task.design or DesignSpec(dof)
-    lower, upper = limits or (base.lower, base.upper)
-    return DesignSpec(dof or base.dof, order or base.order, lower, upper, base.bounds)
+    if limits:
+        base = replace(base, **joint_limits(limits, dof or base.dof, 'parameter joint_limits'))
+    return replace(base, dof=dof or base.dof, order=order or base.order)
+
+
+def joint_limits(values: Sequence[float], dof: int, where: str) -> dict[str, Any]:
+    """Fields of a `DesignSpec` for limits that come as one list.
+
+    Parameters
+    ----------
+    values
+        Lower and upper limit of every joint, or of each in turn, rad.
+
+    Raises
+    ------
+    InputError
+        Under the name ``where``, for another number of values.
+    """
+    if len(values) == 2:
+        return {'lower': values[0], 'upper': values[1]}
+    if len(values) != 2 * dof:
+        raise InputError(where, f'has {len(values)} values; {dof} joints need 2 or {2 * dof}')
+    return {'dof': dof, 'lower': tuple(values[::2]), 'upper': tuple(values[1::2])}

@@ -209,7 +209,7 @@ class Designer(ManagedNode):
             return
         self._final.publish(result_to_message(request, result, self._header()))
         table = result.table
-        self._markers.publish(design_markers(table.chain(), request.task, self._header()))
+        self._markers.publish(design_markers(table.chain(), request.problem.task, self._header()))
         if result.proved:
             self._urdf.publish(String(data=chain_to_urdf(table.chain())))
         rows = '; '.join(

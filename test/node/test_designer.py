@@ -14,7 +14,7 @@ from std_msgs.msg import String
 from visualization_msgs.msg import MarkerArray
 
 from ft_manip_interfaces.action import DesignArm
-from ft_manip_interfaces.msg import DesignCandidate
+from ft_manip_interfaces.msg import DesignCandidate, TaskRegion
 from ft_manip_interfaces.msg import Task as TaskMessage
 from ft_manip_ros.core.kinematics import fk
 from ft_manip_ros.core.task_file import load_task
@@ -109,6 +109,10 @@ def test_it_designs_for_its_default_task_at_once(start_node, probe):
     for line, goal in zip(lines, TASK.goals, strict=True):
         tip = line.points[-1]
         np.testing.assert_allclose([tip.x, tip.y, tip.z], goal.position, atol=1e-5)
+    # The tool's way from the first goal to the last.
+    (way,) = [marker for marker in markers[0].markers if marker.ns == 'tool_path']
+    for end, goal in ((way.points[0], TASK.goals[0]), (way.points[-1], TASK.goals[-1])):
+        np.testing.assert_allclose([end.x, end.y, end.z], goal.position, atol=1e-5)
     # The URDF is the same arm.
     chain = chain_from_urdf(urdf[0].data)
     rng = np.random.default_rng(0)
@@ -118,16 +122,22 @@ def test_it_designs_for_its_default_task_at_once(start_node, probe):
         np.testing.assert_allclose(fk(chain, q)[1], expected[:3, 3], atol=1e-9)
 
 
-def test_an_action_goal_is_worked_on_with_feedback(start_node, client):
+def test_an_action_goal_with_a_volume_is_worked_on(start_node, client):
     start_idle(start_node, workers=1)
     actor = client()
-    handle = actor.send(action_goal(seed=4, method='annealing', time_budget=120.0))
+    bin_ = TaskRegion(shape=TaskRegion.SPHERE, radius=0.01)
+    bin_.goal.pose.position.x, bin_.goal.pose.position.z = 0.4, 0.3
+    limits = [-2.4, 2.4, *[-2.6, 2.6] * 4]
+    goal = action_goal(seed=4, regions=[bin_], joint_limits=limits, time_budget=120.0)
+    handle = actor.send(goal)
     assert handle.accepted
     answer = actor.result(handle, 130.0)
     assert answer.status == GoalStatus.STATUS_SUCCEEDED
     assert answer.result.proved, answer.result.reason
     assert answer.result.candidate.status == DesignCandidate.FINAL_PROVED
     assert answer.result.candidate.seed == 4
+    assert list(answer.result.candidate.design.lower) == limits[::2]
+    assert '1 whole regions' in answer.result.reason
     assert answer.result.urdf.startswith('<')
     assert answer.result.elapsed > 0.0
 
@@ -143,6 +153,7 @@ def test_cancel_returns_the_best_so_far(start_node, client):
     latest = actor.feedback[-1]
     assert 0.0 < latest.elapsed < 60.0
     assert 0.0 < latest.remaining < 60.0
+    assert 0.0 <= latest.eta <= latest.remaining
     cancel = handle.cancel_goal_async()
     actor.probe.until(cancel.done, 10.0, 'the answer to the cancel')
     answer = actor.result(handle, 10.0)
@@ -168,6 +179,10 @@ def test_bad_goals_are_answered_and_survived(start_node, client):
         (action_goal(lower=1.0, upper=-1.0), 'limits'),
         (action_goal(time_budget=math.nan), 'time_budget'),
         (action_goal(method='guess'), 'worst_cases'),
+        (action_goal(joint_limits=[-1.0, 1.0, 0.0]), 'joint_limits'),
+        (action_goal(regions=[TaskRegion(radius=1.0)]), 'size'),
+        (action_goal(regions=[TaskRegion(shape=TaskRegion.SPHERE)]), 'radius'),
+        (action_goal(regions=[TaskRegion(shape=7)]), 'shape'),
     ):
         handle = actor.send(goal)
         assert handle.accepted
