@@ -18,6 +18,7 @@ from ft_manip_ros.core.planning.collision import CollisionChecker
 from ft_manip_ros.core.planning.limits import MotionLimits, travel
 from ft_manip_ros.core.planning.margins import tool_errors
 from ft_manip_ros.core.planning.postures import find_postures
+from ft_manip_ros.core.planning.safety import hull_accelerations, hull_velocities
 from ft_manip_ros.core.planning.sequence import rest_to_rest_time
 from ft_manip_ros.core.planning.settings import PlanSettings
 from ft_manip_ros.core.planning.timing import Motion
@@ -31,7 +32,6 @@ _JUMP = 0.7
 _STRAY = 1e-3
 _NEAR = 0.05  # rad or m from a limit that counts as at it
 _LEAST = 1e-9  # rad or m; who moves less does not move
-_ROOM = 0.01  # between two points a spline may be this much faster than at them
 _POINTS = 2  # trajectory points between two postures
 
 
@@ -84,14 +84,15 @@ class Line:
         if slope.max() * count < _LEAST:
             return timing.move_between(at, at, limits, period)
         rates = np.array([limits.velocity, limits.acceleration, limits.jerk]) / (slope + _LEAST)
-        fastest = [float(rate) for rate in rates.min(axis=1)]
+        fastest = rates.min(axis=1)
         # The spline bends within a step, so every step gets its points.
         period = min(period, rest_to_rest_time(1.0, *fastest) / (_POINTS * count))
-        none = np.zeros(1, dtype=np.bool_)
-        bounds = [np.array([rate]) for rate in fastest]
-        whole = MotionLimits(np.zeros(1), np.ones(1), none, none, *bounds)
-        lead = timing.move_between(np.zeros(1), np.ones(1), whole, period)
-        return _within(_along(spline, lead), limits)
+        motion = _along(spline, fastest, period)
+        # All rates fall with the powers of the time that the same motion is given.
+        slower = _excess(motion, limits)
+        if slower > 1.0:
+            motion = _along(spline, fastest / slower ** np.arange(1, 4), period * slower)
+        return motion
 
 
 def trace(
@@ -220,28 +221,30 @@ def _beyond(
     return ' and '.join(chain.joint_names[i] for i in np.flatnonzero(out))
 
 
-def _along(spline: CubicSpline, lead: Motion) -> Motion:
-    """Joint motion when the place on the line moves as ``lead``, (T, 1), says."""
-    s = np.clip(lead.positions[:, :1], 0.0, 1.0)
-    rate, gain = lead.velocities[:, :1], lead.accelerations[:, :1]
-    first, second = spline(s[:, 0], 1), spline(s[:, 0], 2)
-    return Motion(lead.times, spline(s[:, 0]), first * rate, second * rate**2 + first * gain)
+def _along(spline: CubicSpline, rates: Array, period: float) -> Motion:
+    """Joint motion along a spline over [0, 1] with these speed, acceleration and jerk, (3,)."""
+    none = np.zeros(1, dtype=np.bool_)
+    bounds = MotionLimits(np.zeros(1), np.ones(1), none, none, *rates[:, None])
+    lead = timing.move_between(np.zeros(1), np.ones(1), bounds, period)
+    s = np.clip(lead.positions[:, 0], 0.0, 1.0)
+    first, second = spline(s, 1), spline(s, 2)
+    velocities = first * lead.velocities
+    accelerations = second * lead.velocities**2 + first * lead.accelerations
+    return Motion(lead.times, spline(s), velocities, accelerations)
 
 
-def _within(motion: Motion, limits: MotionLimits) -> Motion:
-    """The same motion, slower by the factor that brings all rates within limits."""
+def _excess(motion: Motion, limits: MotionLimits) -> float:
+    """Factor, at least 1, by which a motion has to become slower to keep to the limits.
+
+    Speeds and accelerations are judged on the splines between the samples too, as by the gate.
+    """
     steps = np.diff(motion.times)[:, None]
-    jerk = np.abs(np.diff(motion.accelerations, axis=0)) / np.maximum(steps, timing.SHORTEST_STEP)
-    slower = 1.0 + _ROOM
-    slower *= max(
+    q, v, a = motion.positions, motion.velocities, motion.accelerations
+    ends = (q[:-1], v[:-1], a[:-1], q[1:], v[1:], a[1:])
+    jerk = np.abs(np.diff(a, axis=0)) / steps
+    return max(
         1.0,
-        float(np.max(np.abs(motion.velocities) / limits.velocity)),
-        float(np.max(np.abs(motion.accelerations) / limits.acceleration)) ** 0.5,
-        float(np.max(jerk / limits.jerk, initial=0.0)) ** (1.0 / 3.0),
-    )
-    return Motion(
-        np.round(motion.times * slower / timing.TICK) * timing.TICK,
-        motion.positions,
-        motion.velocities / slower,
-        motion.accelerations / slower**2,
+        float(np.max(np.abs(hull_velocities(steps, *ends)) / limits.velocity)),
+        float(np.max(np.abs(hull_accelerations(steps, *ends)) / limits.acceleration)) ** 0.5,
+        float(np.max(jerk / limits.jerk)) ** (1.0 / 3.0),
     )
