@@ -7,7 +7,6 @@ import pinocchio
 
 from ft_manip_ros.core.chain import Array
 from ft_manip_ros.core.planning.collision_model import CollisionModel
-from ft_manip_ros.core.planning.trajectory import Trajectory
 
 # Halvings of a move after which what is still too near to tell apart counts as touching.
 _HALVINGS = 12
@@ -114,15 +113,14 @@ class CollisionChecker:
             pieces += [(middle, level + 1), (begin, level + 1)]
         return False
 
-    def first_touch(self, trajectory: Trajectory) -> float | None:
-        """Time (s) from which a trajectory touches something, or None.
+    def first_touch(self, times: Array, positions: Array) -> float | None:
+        """Time (s) from which a motion touches something, or None.
 
-        Between two of its points the motion is taken as straight in joint space.
+        Between two of its samples, (T,) and (T, n), it is taken as straight in joint space.
         """
-        qs = trajectory.positions
-        for k in range(len(qs) - 1):
-            if np.any(qs[k + 1] != qs[k]) and self.move_touches(qs[k], qs[k + 1]):
-                return float(trajectory.times[k])
+        for time, a, b in zip(times, positions, positions[1:], strict=False):
+            if np.any(a != b) and self.move_touches(a, b):
+                return float(time)
         return None
 
     def _collide(self, data: pinocchio.GeometryData, q: Array) -> bool:

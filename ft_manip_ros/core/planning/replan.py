@@ -23,7 +23,7 @@ from ft_manip_ros.core.planning.lines import straighten
 from ft_manip_ros.core.planning.plan import Outcome, Plan, PlanStatus
 from ft_manip_ros.core.planning.refutation import SIGMAS
 from ft_manip_ros.core.planning.reporting import describe, outcome_of
-from ft_manip_ros.core.planning.route import Route, plan_route, stop_route
+from ft_manip_ros.core.planning.route import Route, plan_route, stop_route, touch_while_stopping
 from ft_manip_ros.core.planning.safety import check_trajectory
 from ft_manip_ros.core.planning.settings import PlanSettings, Policy
 from ft_manip_ros.core.planning.trajectory import Trajectory
@@ -98,6 +98,11 @@ def plan_task(
     arrays, blur = arrays_within(chain, limits, clear=True), _blur(chain, sigma)
     findings = triage(arrays, rod, mask, goals, here, settings, hints or {}, blur, checker)
     findings, lines = straighten(chain, arrays, mask, findings, here, settings, checker)
+    braking = ''
+    if checker is not None and len(healthy):
+        braking = touch_while_stopping(
+            start[healthy], start_velocity[healthy], healthy, here, hard, checker
+        )
     if checker is not None and not halt and (pair := checker.touching(here)):
         halt = f'{pair[0]} and {pair[1]} touch where the arm comes to rest'
     chosen, why_not = ([], halt) if halt else _to_visit(findings, bool(frozen), settings)
@@ -132,6 +137,8 @@ def plan_task(
     if allowed:
         pairs = ', '.join(f'{a} and {b}' for a, b in allowed)
         reason += f'; not checked, for they touch where the arm comes to rest: {pairs}'
+    if braking:
+        reason += f'; unavoidable: {braking}'
     if refused:
         instead = 'nothing is sent' if problems else 'the arm stops instead'
         status, reason = PlanStatus.REFUSED, f'the trajectory is unsafe, {instead}: {refused}'

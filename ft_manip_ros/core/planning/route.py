@@ -23,6 +23,8 @@ from ft_manip_ros.core.planning.way import WayFinder
 
 # A controller needs two points; a stop that takes no time still stands for this long (s).
 _SHORTEST_HOLD = 0.1
+# Time between two looks at a stop, on which every joint goes its own way (s).
+_LOOKS = 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +52,30 @@ def stop_route(q: Array, v: Array, limits: MotionLimits, settings: PlanSettings)
     parts = [timing.stop(q, v, limits, settings.sample_period)] if len(q) else []
     end = parts[-1].positions[-1] if parts else q
     return Route(timing.joined([*parts, timing.hold(end, _SHORTEST_HOLD)]))
+
+
+def touch_while_stopping(
+    q: Array,
+    v: Array,
+    healthy: NDArray[np.intp],
+    here: Array,
+    limits: MotionLimits,
+    checker: CollisionChecker,
+) -> str:
+    """What touches on the way from the moving state, (m,) each, to rest; empty for nothing.
+
+    Nothing stops the arm earlier than its limits allow, so this can only be told.
+    """
+    motion = timing.stop(q, v, limits, _LOOKS)
+    positions = np.tile(here, (len(motion.times), 1))
+    positions[:, healthy] = motion.positions
+    since = checker.first_touch(motion.times, positions)
+    if since is None:
+        return ''
+    later = positions[motion.times >= since]
+    pair = next((pair for row in later if (pair := checker.touching(row))), None)
+    names = ' and '.join(pair) if pair else 'bodies'
+    return f'{names} touch while the arm stops, from t = {since:.2f} s on'
 
 
 def plan_route(

@@ -93,7 +93,7 @@ def assert_free(plan, judge):
     for k in range(len(plan.trajectory.times) - 1):
         a, b = plan.trajectory.positions[k : k + 2]
         assert not judge.move_touches(a, b)
-    assert judge.first_touch(plan.trajectory) is None
+    assert judge.first_touch(plan.trajectory.times, plan.trajectory.positions) is None
 
 
 def test_plan_goes_round_what_blocks_the_straight_way():
@@ -101,7 +101,7 @@ def test_plan_goes_round_what_blocks_the_straight_way():
     judge = checker(ball([1.5, 1.5, 0.0], 0.15))
     goals = [Goal(np.array([0.0, 1.9, 0.0]))]
     blind = planned(goals, [0.1, -0.2], None)
-    assert judge.first_touch(blind.trajectory) is not None
+    assert judge.first_touch(blind.trajectory.times, blind.trajectory.positions) is not None
     plan = planned(goals, [0.1, -0.2], judge)
     assert plan.status == PlanStatus.FINISHES
     assert_free(plan, judge)
@@ -155,6 +155,18 @@ def test_a_moving_arm_stops_first_then_moves_free():
     assert plan.status == PlanStatus.FINISHES
     np.testing.assert_allclose(plan.trajectory.velocities[0], [0.3, 0.2])
     assert_free(plan, judge)
+
+
+def test_what_touches_while_the_arm_stops_is_named_with_the_time():
+    # A small ball that the outer link sweeps over within its way to rest, 0.175 rad.
+    in_the_way = ball([1.9 * np.cos(0.1), 1.9 * np.sin(0.1), 0.0], 0.02)
+    goal = [Goal(np.array([1.2, 1.2, 0.0]))]
+    swept = planned(goal, [0.0, 0.0], checker(in_the_way), velocity=[1.0, 0.0])
+    assert 'link of j1 and ball touch while the arm stops, from t = 0.0' in swept.reason
+    # What can be avoided still is: from rest on, the way to the goal is free.
+    assert swept.status == PlanStatus.FINISHES
+    still = planned(goal, [0.0, 0.0], checker(in_the_way))
+    assert 'while the arm stops' not in still.reason
 
 
 def test_own_bodies_that_touch_at_rest_are_let_go_and_named():
