@@ -9,12 +9,16 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from ft_manip_ros.bags.compressed import SUFFIX, UnpackedFile, unpack_message
 from ft_manip_ros.bags.decode import Decoder
 from ft_manip_ros.bags.mcap_source import McapSource
 from ft_manip_ros.bags.rosbag_metadata import FILE_NAME, read_file_names_and_custom
 from ft_manip_ros.bags.schema import Field
-from ft_manip_ros.bags.source import BagMessage, Source, TopicInfo
+from ft_manip_ros.bags.source import BagMessage, Damage, Source, TopicInfo
 from ft_manip_ros.core.errors import InputError
+
+# First byte of every serialized message; another one may be that of rosbag2's compression.
+_PLAIN = b'\0'
 
 
 @dataclass
@@ -39,6 +43,8 @@ class Bag:
     attachments: dict[str, tuple[str, bytes]] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
     topics: dict[str, TopicInfo] = field(default_factory=dict)
+    # Unpacked files, which are there as long as the bag is.
+    unpacked: list[UnpackedFile] = field(default_factory=list, repr=False)
 
     def __post_init__(self) -> None:
         self._decoder = Decoder()
@@ -98,6 +104,8 @@ class Bag:
                 return
             if start is not None and message.log_time < start:
                 continue
+            if message.data[:1] != _PLAIN:
+                message = message._replace(data=unpack_message(message.data))
             yield message
 
     def decode(self, message: BagMessage) -> Any:
@@ -128,7 +136,7 @@ class Bag:
 
 
 def open_bag(path: Path | str) -> Bag:
-    """Open a rosbag2 folder or a single .mcap or .db3 file.
+    """Open a rosbag2 folder or a single .mcap or .db3 file, also packed (.zstd).
 
     Raises
     ------
@@ -158,7 +166,9 @@ def open_bag(path: Path | str) -> Bag:
         files = _storage_files(path)
     if not files:
         raise InputError(f'bag {path}', 'holds no .mcap or .db3 file')
-    bag = Bag(path, [_open_source(file) for file in files])
+    opened = [_open_storage(file) for file in files]
+    bag = Bag(path, [source for source, _ in opened])
+    bag.unpacked = [unpacked for _, unpacked in opened if unpacked is not None]
     bag.notes[:0] = notes
     for key, value in custom.items():
         name, _, entry = key.rpartition(':')
@@ -170,8 +180,31 @@ def _storage_files(folder: Path) -> list[Path]:
     def natural(path: Path) -> list[int | str]:
         return [int(t) if t.isdigit() else t for t in re.split(r'(\d+)', path.name)]
 
-    found = [p for p in folder.iterdir() if p.suffix in ('.mcap', '.db3') and p.name[0] != '.']
-    return sorted(found, key=natural)
+    found = {
+        path
+        for path in folder.iterdir()
+        if path.name[0] != '.' and _storage_suffix(path) in ('.mcap', '.db3')
+    }
+    # rosbag2 packs a file and then deletes it; killed between, it leaves both.
+    return sorted(
+        (p for p in found if p.suffix != SUFFIX or p.with_suffix('') not in found), key=natural
+    )
+
+
+def _storage_suffix(path: Path) -> str:
+    """Suffix of a storage file, packed or not."""
+    return Path(path.name.removesuffix(SUFFIX)).suffix
+
+
+def _open_storage(path: Path) -> tuple[Source, UnpackedFile | None]:
+    """Open a storage file, unpacked first where it is packed."""
+    if path.suffix != SUFFIX:
+        return _open_source(path), None
+    unpacked = UnpackedFile(path)
+    source = _open_source(unpacked.path)
+    if unpacked.problem:
+        source.damage.insert(0, Damage(path.name, 0, unpacked.problem))
+    return source, unpacked
 
 
 def _open_source(path: Path) -> Source:
@@ -182,4 +215,4 @@ def _open_source(path: Path) -> Source:
         from ft_manip_ros.bags.sqlite_source import SqliteSource
 
         return SqliteSource(path)
-    raise InputError(f'bag file {path}', 'is neither .mcap nor .db3')
+    raise InputError(f'bag file {path}', 'is neither .mcap nor .db3 (nor one of them in .zstd)')
