@@ -104,7 +104,8 @@ class ReplaySetup:
                     copy = Path(folder, path.name)
                     copy.write_bytes(content)
                     return load_arm(copy, base=base, tip=tip)
-        if parameters.get('arm'):
+        # With 'topic' the node read the description too.
+        if parameters.get('arm') not in (None, '', 'topic'):
             self._note(f'the arm file of {node} is not in the bag: {parameters["arm"]} is used')
             return load_arm(str(parameters['arm']), base=base, tip=tip)
         description = self.topic(*_DESCRIPTION)

@@ -72,7 +72,8 @@ ARM_PARAMETERS: Final = (
     ParameterSpec(
         'arm',
         'paredis_table_3',
-        'The arm: name of an arm file in config/arms, path of an arm file, or path of a URDF.',
+        'The arm: name of an arm file in config/arms, path of an arm file, path or package:// URL '
+        "of a URDF, or 'topic' for the URDF on robot_description.",
     ),
     ParameterSpec('base', '', 'Base link of the arm; only read for a URDF.'),
     ParameterSpec('tip', '', 'Tool link of the arm; only read for a URDF.'),

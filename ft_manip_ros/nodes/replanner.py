@@ -15,6 +15,7 @@ from visualization_msgs.msg import MarkerArray
 
 from ft_manip_interfaces.msg import FaultState, RecoveryPlan
 from ft_manip_interfaces.msg import Task as TaskMessage
+from ft_manip_ros.core.arm_file import load_arm
 from ft_manip_ros.core.errors import InputError
 from ft_manip_ros.core.planning.collision import CollisionChecker
 from ft_manip_ros.core.planning.collision_setup import make_checker
@@ -26,7 +27,7 @@ from ft_manip_ros.core.planning.proof import Proof, needs_proof, prove
 from ft_manip_ros.core.planning.warm_up import warm_up
 from ft_manip_ros.core.urdf_writer import chain_to_urdf
 from ft_manip_ros.nodes import topics
-from ft_manip_ros.nodes.arm_model import load_arm_parameter
+from ft_manip_ros.nodes.arm_model import arm_source
 from ft_manip_ros.nodes.conversions import nanoseconds, task_from_message
 from ft_manip_ros.nodes.managed_node import ManagedNode
 from ft_manip_ros.nodes.plan_messages import (
@@ -59,13 +60,14 @@ class Replanner(ManagedNode):
 
     def configure(self) -> None:
         """Load the arm, read the settings, open the topics."""
-        self._chain = load_arm_parameter(self)
+        source, base = arm_source(self), self.param('base') or None
+        self._chain = load_arm(source, base=base, tip=self.param('tip') or None)
         self._settings = planning_settings(self)
         self._executive = Executive(
             self._chain,
             self._settings,
             watching_settings(self),
-            self._checker(),
+            self._checker(source, base),
             lambda: int(self.get_clock().now().nanoseconds),
         )
         # The message that a plan is owed to, and when it came.
@@ -91,11 +93,10 @@ class Replanner(ManagedNode):
         self.subscribe(TaskMessage, topics.TASK, self._on_task, topics.LATCHED_QOS)
         self.subscribe(FaultState, topics.FAULT_STATE, self._on_fault_state, topics.LATCHED_QOS)
 
-    def _checker(self) -> CollisionChecker | None:
+    def _checker(self, arm: str, base: str | None) -> CollisionChecker | None:
         options = collision_options(self)
         if options is None:
             return None
-        arm, base = self.param('arm'), self.param('base') or None
         checker = make_checker(self._chain, arm, base, options)
         bodies = checker.bodies
         self.get_logger().info(

@@ -18,6 +18,7 @@ from ft_manip_interfaces.srv import InjectFault
 from ft_manip_ros.core.arm_file import load_arm, load_dh, save_dh
 from ft_manip_ros.core.kinematics import fk
 from ft_manip_ros.core.task_file import load_task
+from ft_manip_ros.core.urdf_writer import chain_to_urdf
 from ft_manip_ros.nodes import topics
 from ft_manip_ros.nodes.conversions import nanoseconds, task_to_message
 from ft_manip_ros.nodes.replanner import LIMITS, REDUCED, TASK_PLAN
@@ -268,3 +269,20 @@ def test_an_arm_without_bodies_is_refused_by_name(start_node):
     node = start_node('replanner', params={'collision': True})
     node.wait_for('link_radius', 60.0)
     assert node.running
+
+
+def test_the_arm_may_come_from_the_robot_description(start_node, probe, arm_path):
+    chain = load_arm(arm_path)
+    nodes = [start_node(name, params={'arm': 'topic'}) for name in ('arm_sim', 'replanner')]
+    # It comes late, as from a robot_state_publisher that is still starting.
+    descriptions = probe.publisher(String, topics.ROBOT_DESCRIPTION, topics.LATCHED_QOS)
+    descriptions.publish(String(data=chain_to_urdf(chain)))
+    for node in nodes:
+        node.wait_for('active', 120.0)
+    states = probe.listen(JointState, topics.JOINT_STATES, topics.SENSOR_QOS)
+    plans = probe.listen(RecoveryPlan, TASK_PLAN, topics.LATCHED_QOS)
+    tasks = probe.publisher(TaskMessage, topics.TASK, topics.LATCHED_QOS)
+    assert tuple(probe.until(lambda: states, 30.0, 'a joint state')[-1].name) == chain.joint_names
+    stamp = probe.node.get_clock().now().nanoseconds
+    tasks.publish(task_to_message(load_task('paredis_eq_11'), stamp, 'base'))
+    assert probe.until(lambda: plans, 10.0, 'a plan')[-1].status == RecoveryPlan.FINISHES
