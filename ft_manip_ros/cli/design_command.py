@@ -18,7 +18,7 @@ import numpy as np
 from ft_manip_ros.cli.design_output import Progress, describe, to_json
 from ft_manip_ros.core.arm_file import save_dh
 from ft_manip_ros.core.design.candidate import DesignResult
-from ft_manip_ros.core.design.certificate import certify_design, check_certificates
+from ft_manip_ros.core.design.certificate import certify_design
 from ft_manip_ros.core.design.problem import design_problem
 from ft_manip_ros.core.design.search import design_arm
 from ft_manip_ros.core.design.settings import EXECUTORS, METHODS, DesignSettings
@@ -162,8 +162,7 @@ def _certify(args: argparse.Namespace, task: Task, spec: DesignSpec, result: Des
     if not result.proved:
         print('no certificate: the design is not proved', file=sys.stderr)
         return True
-    documents = certify_design(result.table.chain(), task, spec.order)
-    outcomes = check_certificates(documents)
+    documents, outcomes = certify_design(result.table.chain(), task, spec.order)
     for confirmed, text in outcomes:
         if not confirmed:
             print(f'the verifier does not confirm a proof: {text}', file=sys.stderr)

@@ -104,8 +104,8 @@ def prove(
     return Proof(tuple(verdicts), len(task.goals), tuple(covers), failed_at)
 
 
-def _ask(chain: SerialChain, goal: Goal, order: int, radius: float) -> FtwsResult:
-    mode = 'position' if goal.orientation is None else 'pose'
+def proof_settings(order: int, radius: float) -> FtwsSettings:
+    """How hard the engine tries to prove a goal, or the ball of ``radius`` (m) around it."""
     settings = FtwsSettings(intervals=False, radius=radius)
     if order > 1:
         # Boxes of several frozen angles need more postures to choose from, and smaller steps.
@@ -113,6 +113,12 @@ def _ask(chain: SerialChain, goal: Goal, order: int, radius: float) -> FtwsResul
     elif radius > 0.0:
         # A ball that is not proved is cut: no need to try hard on the large ones.
         settings = replace(settings, boxes=1000)
+    return settings
+
+
+def _ask(chain: SerialChain, goal: Goal, order: int, radius: float) -> FtwsResult:
+    mode = 'position' if goal.orientation is None else 'pose'
+    settings = proof_settings(order, radius)
     return query(chain, [goal], order=order, mode=mode, settings=settings)[0]
 
 

@@ -12,6 +12,9 @@ import pytest
 
 from ft_manip_ros.cli.main import main
 from ft_manip_ros.core.arm_file import load_dh
+from ft_manip_ros.core.design.certificate import certify_design
+from ft_manip_ros.core.ftws.certificate import load_certificate, verify
+from ft_manip_ros.core.goal import Goal, Task
 
 COMMAND = [sys.executable, '-m', 'ft_manip_ros.cli.main', 'design']
 HOPELESS = ['paredis_eq_11', '--dof', '3']
@@ -34,7 +37,7 @@ def run(*arguments, timeout=200):
 
 
 def test_a_design_is_written_printed_and_pictured(tmp_path):
-    arm, picture = tmp_path / 'arm.yaml', tmp_path / 'arm.png'
+    arm, picture, proofs = (tmp_path / name for name in ('arm.yaml', 'arm.png', 'proofs.json'))
     code, out, err = run(
         'paredis_eq_11',
         '--seed',
@@ -45,6 +48,8 @@ def test_a_design_is_written_printed_and_pictured(tmp_path):
         arm,
         '--report',
         picture,
+        '--certificate',
+        proofs,
         '--json',
     )
     assert code == 0, err
@@ -56,7 +61,20 @@ def test_a_design_is_written_printed_and_pictured(tmp_path):
     np.testing.assert_array_equal(table.d, answer['d'])
     np.testing.assert_array_equal(table.alpha, answer['alpha'])
     assert picture.read_bytes().startswith(b'\x89PNG')
-    assert sorted(path.name for path in tmp_path.iterdir()) == ['arm.png', 'arm.yaml']
+    # The exit code says that the independent verifier confirmed every proof; ask it again.
+    outcomes = list(verify(load_certificate(proofs)))
+    assert [confirmed for confirmed, _ in outcomes] == [True] * 3
+    assert len(list(tmp_path.iterdir())) == 3
+
+
+def test_what_is_no_member_gets_no_confirmed_certificate():
+    goals = (Goal(np.array([0.5, 0.0, 0.5])), Goal(np.array([2.6, 0.0, 0.5]), id='far'))
+    documents, outcomes = certify_design(
+        load_dh('paredis_table_3').chain(), Task('far', goals), order=1
+    )
+    assert [confirmed for confirmed, _ in outcomes] == [True, False]
+    assert 'far' in outcomes[1][1]
+    assert [goal['verdict'] for goal in documents[0]['goals']] == ['member', 'non_member']
 
 
 def test_no_proof_no_success(tmp_path):
