@@ -12,7 +12,6 @@ from bench.ftws_arms import limited, planar, spatial
 from bench.ftws_rivals import sampled_verdicts, scipy_verdict
 from ft_manip_ros.core.arm_file import load_dh
 from ft_manip_ros.core.chain import Array, SerialChain
-from ft_manip_ros.core.dh import DhTable
 from ft_manip_ros.core.ftws.map_build import build_map
 from ft_manip_ros.core.ftws.map_frame import map_frame
 from ft_manip_ros.core.ftws.problem import Problem, goal_rows, prepare
@@ -29,7 +28,6 @@ SCIPY_POINTS = 3
 def run() -> None:
     """Print all tables."""
     slices()
-    closed_form()
     growth()
     maps()
 
@@ -97,41 +95,6 @@ def slices() -> None:
             f'sampling overlooks {wrong} lost points',
             flush=True,
         )
-
-
-def closed_form(total: int = 10_000) -> None:
-    """Random points against the closed form of Table 1, a, b and scale at random."""
-    rng = np.random.default_rng(0)
-    wrong = undecided = 0
-    shell = 0.0
-    batch = 500
-    for _ in range(total // batch):
-        a, b = rng.uniform(-1.0, 1.0, 2)
-        scale = rng.uniform(0.2, 5.0)
-        table = load_dh('paredis_table_1')
-        d = np.array([0.0, a, -a, b, -b])
-        chain = (
-            DhTable('random', table.joints, d, table.a, table.alpha, table.offset)
-            .scaled(scale)
-            .chain()
-        )
-        points = rng.uniform(-2.6, 2.6, (batch, 3)) * scale
-        rho, z = np.hypot(points[:, 0], points[:, 1]), points[:, 2]
-        out = np.maximum(rho - 2.0 * scale, np.hypot(rho - scale, z) - 2.0 * scale) / scale
-        for answer, distance in zip(
-            query(chain, points, settings=VERDICT, threads=THREADS), out, strict=True
-        ):
-            if answer.verdict is Verdict.UNDECIDED:
-                undecided += 1
-                shell = max(shell, abs(distance))
-            else:
-                wrong += (answer.verdict is Verdict.MEMBER) != (distance <= 0.0)
-    print(
-        f'\n{total} random points of random Tables 1: {wrong} contradict the closed form, '
-        f'{undecided} undecided ({undecided / total:.3%}), the farthest {shell:.2g} (relative) '
-        'from the boundary',
-        flush=True,
-    )
 
 
 def growth() -> None:

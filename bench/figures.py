@@ -88,7 +88,7 @@ def figure_4() -> None:
         figure.subplots(2, 3).ravel(), (180, 150, 120, 90, 60, 30), strict=True
     ):
         chain = limited('planar_4r', degrees)
-        draw(axes, chain, slice_map(chain, 'xy', [-2.5, -3.0], [3.5, 3.0], 5))
+        draw(axes, chain, slice_map(chain, 'xy', [-2.5, -3.0], [3.5, 3.0], 6))
         axes.set_title(f'limits ±{degrees}°', fontsize=9)
     figure.suptitle('Figure 4: FTWS of the planar 4R arm with joint limits', fontsize=10)
     save(figure, 4)
@@ -101,7 +101,7 @@ def figure_5() -> None:
         figure.subplots(2, 3).ravel(), (180, 175, 170, 165, 160, 155), strict=True
     ):
         chain = limited('paredis_table_1', degrees)
-        draw(axes, chain, slice_map(chain, 'xz', [-2.2, -2.2], [2.2, 2.2], 5))
+        draw(axes, chain, slice_map(chain, 'xz', [-2.2, -2.2], [2.2, 2.2], 6))
         axes.set_title(f'limits ±{degrees}°', fontsize=9)
     figure.suptitle('Figure 5: FTWS of Table 1 with joint limits, x-z plane', fontsize=10)
     save(figure, 5)
@@ -135,7 +135,7 @@ def figure_7() -> None:
     chain = load_arm('paredis_table_3')
     figure = Figure(figsize=(6.0, 6.0), layout='constrained')
     axes = figure.subplots()
-    draw(axes, chain, slice_map(chain, 'xz', [-1.8, -1.8], [1.8, 1.8], 6))
+    draw(axes, chain, slice_map(chain, 'xz', [-1.35, -1.35], [1.35, 1.35], 7))
     axes.plot([0.5, 0.75], [0.5, 0.5], 'kx')
     axes.set_title('Figure 7: FTWS of Table 3 at ±150°, x-z plane, with p1 and p3', fontsize=10)
     save(figure, 7)

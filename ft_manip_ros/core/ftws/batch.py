@@ -7,7 +7,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from ft_manip_ros.core.chain import Array, ChainArrays
-from ft_manip_ros.core.ftws.judge import MEMBER, NON_MEMBER, Effort, Work, cover
+from ft_manip_ros.core.ftws.judge import MEMBER, NON_MEMBER, UNDECIDED, Effort, Work, cover
 from ft_manip_ros.core.ftws.reach import farthest_miss
 from ft_manip_ros.core.ftws.task_map import TaskArrays
 from ft_manip_ros.core.ftws.taylor import make_scratch
@@ -16,6 +16,8 @@ from ft_manip_ros.core.ftws.taylor import make_scratch
 INTERVALS = 64
 _GAPS = 256
 _BOXES = 1024
+# Coverings of one combination, with other random postures, before it is left undecided.
+_ATTEMPTS = 2
 
 
 @njit(cache=True, nogil=True)
@@ -99,14 +101,19 @@ def judge_goals(
             if not effort.intervals or k > 1:
                 continue
         for c in range(combos.shape[0]):
-            # The stream depends on the question alone, not on what was asked before.
-            work.state[0] = np.uint64(effort.seed) * np.uint64(1000003) + np.uint64(c)
-            worst[0] = 0.0
             lost = verdicts[g] == NON_MEMBER
-            outcome = cover(
-                chain, task, goals[g], combos[c], c, ranges, effort, lost, arms[combos[c, 0]],
-                covered[g, c], covered_count[g, c : c + 1], angles, worst, pieces, count, work,
-            )  # fmt: skip
+            outcome = UNDECIDED
+            for attempt in range(_ATTEMPTS if effort.radius == 0.0 and not lost else 1):
+                # The stream depends on the question alone, not on what was asked before.
+                stream = c + attempt * combos.shape[0]
+                work.state[0] = np.uint64(effort.seed) * np.uint64(1000003) + np.uint64(stream)
+                worst[0] = 0.0
+                outcome = cover(
+                    chain, task, goals[g], combos[c], c, ranges, effort, lost, arms[combos[c, 0]],
+                    covered[g, c], covered_count[g, c : c + 1], angles, worst, pieces, count, work,
+                )  # fmt: skip
+                if outcome != UNDECIDED:
+                    break
             if lost:
                 continue
             if outcome < verdicts[g] or (outcome < MEMBER and worst[0] > residuals[g]):

@@ -20,6 +20,8 @@ MEMBER, UNDECIDED, NON_MEMBER = 1, 0, -1
 
 # Failed refutations of one combination before it is left undecided.
 _REFUTATIONS = 3
+# A first posture that is certified this far to each side (rad or m) needs no second.
+_WIDE = 0.05
 
 
 class Effort(NamedTuple):
@@ -98,7 +100,7 @@ def _find(
                     w.chosen[i] = w.q[i]
             if h > 0.0:
                 certified += 1
-                if certified >= 2:
+                if certified >= 2 or h > _WIDE:
                     break
     return widest, best
 

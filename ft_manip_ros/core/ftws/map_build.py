@@ -128,11 +128,11 @@ def _judge(
         tolerance=tolerance,
         radius=radius,
         intervals=False,
-        restarts=4,
-        smallest_gap=0.02,
-        smallest_step=1e-3,
+        restarts=6,
+        smallest_gap=2e-3,
+        smallest_step=1e-4,
         boxes=4000,
-        pieces=3000,
+        pieces=2000,
     )
     effort = settings.effort(False, problem.task.length)
     goals = np.zeros((len(cells), 7))

@@ -257,7 +257,7 @@ def descend(
             for i in range(n):
                 q[i] = trial[i]
             damping = max(damping * 0.1, 1e-12)
-            stalled = gain < 1e-7 * norm and after > 1e3 * tolerance
+            stalled = gain < 1e-4 * norm and after > 1e3 * tolerance
             norm = after
             if stalled:
                 break

@@ -24,7 +24,7 @@ _NO_PIECES = np.zeros((0, 0))
 _TOUCHING = 1e-9
 # Balls of goals around a member: the largest tried, by the task's length, and how often halved.
 _LARGEST_BALL = 0.2
-_BALLS = 12
+_BALLS = 16
 
 
 def query(
@@ -184,7 +184,7 @@ def proved_ball(problem: Problem, goal: Array, effort: Effort) -> float:
     radius = _LARGEST_BALL * problem.task.length
     for _ in range(_BALLS):
         modest = effort._replace(
-            radius=radius, restarts=4, smallest_gap=0.02, boxes=1, pieces=3000, intervals=False
+            radius=radius, smallest_gap=1e-3, boxes=1, pieces=2000, intervals=False
         )
         if run_engine(problem, goal[None], modest).verdicts[0] == MEMBER:
             return max(radius, effort.radius)

@@ -17,7 +17,7 @@ from ft_manip_ros.core.ftws.task_map import TaskArrays
 from ft_manip_ros.core.ftws.taylor import Scratch
 
 # Share of the smallest residual found that the boxes have to prove: the ball of lost goals.
-_PROVED_SHARE = 0.3
+_PROVED_SHARE = 0.1
 # Half-width that stands for a whole turn of the spin joint, minimised in closed form.
 _ANY = -1.0
 

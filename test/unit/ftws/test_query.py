@@ -125,6 +125,14 @@ def test_a_ball_that_is_judged_as_one_is_right_about_its_points():
         assert verdict is not NON_MEMBER or not inside.any()
 
 
+def test_members_beside_limits_have_a_proved_ball():
+    settings = FtwsSettings(intervals=False, margin=True)
+    points = np.array([[0.5, 0.0, 0.5], [0.75, 0.0, 0.5], [-0.593, -0.475, 0.501]])
+    for answer in query(load_arm('paredis_table_3'), points, settings=settings):
+        assert answer.verdict is MEMBER
+        assert answer.margin > 1e-4
+
+
 def test_margins_are_proved_balls():
     arm = table_1()
     settings = FtwsSettings(intervals=False, margin=True)
