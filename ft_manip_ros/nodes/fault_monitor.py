@@ -83,9 +83,14 @@ class FaultMonitorNode(ManagedNode):
             topics.JOINT_STATES,
             self._on_joint_state,
             topics.REPLAY_QOS if replayed else topics.SENSOR_QOS,
+            timed=True,
         )
         self.subscribe(
-            JointTrajectory, topics.JOINT_TRAJECTORY, self._on_trajectory, topics.COMMAND_QOS
+            JointTrajectory,
+            topics.JOINT_TRAJECTORY,
+            self._on_trajectory,
+            topics.COMMAND_QOS,
+            timed=True,
         )
         if self.param('reference_topic'):
             self.subscribe(
@@ -93,6 +98,7 @@ class FaultMonitorNode(ManagedNode):
                 self.param('reference_topic'),
                 self._on_reference,
                 topics.SENSOR_QOS,
+                timed=True,
             )
         self._subscribe_controller_state(self.param('controller_state_topic'))
         self.serve(FreezeJoint, topics.FREEZE_JOINT, self._on_freeze)
@@ -134,13 +140,13 @@ class FaultMonitorNode(ManagedNode):
             topic,
             self._on_controller_state,
             topics.SENSOR_QOS,
+            timed=True,
         )
 
     def _now(self) -> int:
         return int(self.get_clock().now().nanoseconds)
 
-    def _on_joint_state(self, message: JointStateMessage) -> None:
-        arrival = self._now()
+    def _on_joint_state(self, message: JointStateMessage, arrival: int) -> None:
         edges = self._feed.joint_state(
             nanoseconds(message.header.stamp),
             arrival,
@@ -160,7 +166,7 @@ class FaultMonitorNode(ManagedNode):
         if edges:
             self._tell(edges, self._stamp)
 
-    def _on_trajectory(self, message: JointTrajectory) -> None:
+    def _on_trajectory(self, message: JointTrajectory, arrival: int) -> None:
         points = [
             (
                 seconds(point.time_from_start),
@@ -171,21 +177,21 @@ class FaultMonitorNode(ManagedNode):
             for point in message.points
         ]
         self._feed.trajectory(
-            nanoseconds(message.header.stamp), self._now(), message.joint_names, points
+            nanoseconds(message.header.stamp), arrival, message.joint_names, points
         )
         self._commanded = True
 
-    def _on_reference(self, message: JointStateMessage) -> None:
+    def _on_reference(self, message: JointStateMessage, arrival: int) -> None:
         self._feed.reference(
-            nanoseconds(message.header.stamp), self._now(), message.name, message.position
+            nanoseconds(message.header.stamp), arrival, message.name, message.position
         )
         self._commanded = True
 
-    def _on_controller_state(self, message: Any) -> None:
+    def _on_controller_state(self, message: Any, arrival: int) -> None:
         # The desired fields were renamed to reference between distributions.
         wanted = getattr(message, 'reference', None) or message.desired
         self._feed.reference(
-            nanoseconds(message.header.stamp), self._now(), message.joint_names, wanted.positions
+            nanoseconds(message.header.stamp), arrival, message.joint_names, wanted.positions
         )
         self._commanded = True
 

@@ -74,6 +74,12 @@ _SETTINGS = {
         100,
         'So many commanded joints of which none moves mean a stopped arm; 0: never.',
     ),
+    'start_timeout_s': (
+        's',
+        0.0001,
+        60.0,
+        'An arm may take so long to take up a trajectory that commands one joint alone.',
+    ),
 }
 
 

@@ -94,19 +94,37 @@ class ManagedNode(LifecycleNode):
         return self.create_lifecycle_publisher(message_type, topic, qos)
 
     def subscribe(
-        self, message_type: type, topic: str, callback: Callable[[Any], None], qos: QoSProfile
+        self,
+        message_type: type,
+        topic: str,
+        callback: Callable[[Any], None] | Callable[[Any, int], None],
+        qos: QoSProfile,
+        *,
+        timed: bool = False,
     ) -> Subscription:
-        """Subscribe; messages are ignored while inactive, and bad ones logged."""
+        """Subscribe; messages are ignored while inactive, and bad ones logged.
 
-        def guarded(message: Any) -> None:
+        A ``timed`` callback is also told when the message came in (ns, of the node's clock), which
+        may be long before it is called on a busy machine.
+        """
+
+        def guarded(message: Any, info: dict[str, Any]) -> None:
             if not self.active:
                 return
             try:
-                callback(message)
+                callback(message, *((self._arrival_of(info),) if timed else ()))
             except InputError as error:
                 self.complain(topic, f'{topic}: message ignored: {error}')
 
         return self.create_subscription(message_type, topic, guarded, qos)
+
+    def _arrival_of(self, info: dict[str, Any]) -> int:
+        """Time (ns) of the node's clock at which a message was received."""
+        now = int(self.get_clock().now().nanoseconds)
+        received = info.get('received_timestamp') or 0
+        if self.get_clock().ros_time_is_active or received <= 0:
+            return now
+        return min(now, int(received))
 
     def serve(
         self,

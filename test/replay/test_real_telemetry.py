@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ft_manip_ros.core.detection.evaluate import LOCKS, evaluate
+from ft_manip_ros.core.detection.evaluate import evaluate
+from ft_manip_ros.core.detection.evaluation import LOCKS
 from ft_manip_ros.core.detection.offline import detect
 from ft_manip_ros.core.detection.states import JointState
 from ft_manip_ros.core.detection.telemetry import load_folder, load_kr300

@@ -20,6 +20,7 @@ from ft_manip_ros.core.detection.machine import (
 from ft_manip_ros.core.detection.motion import QUIET
 from ft_manip_ros.core.detection.states import Cause
 from ft_manip_ros.core.detection.stillness import lock_level
+from ft_manip_ros.core.detection.tracking import command_at
 
 Array = NDArray[np.float64]
 
@@ -28,6 +29,8 @@ _STAMPS: Final = int(Cause.STAMPS_NOT_ADVANCING)
 _REPEATS: Final = int(Cause.PAYLOAD_REPEATS)
 _UNCOMMANDED: Final = int(Cause.MOVES_UNCOMMANDED)
 _RECENT: Final = 0.5  # s
+_START_LATE: Final = 0.5  # s by which a joint that set out late may trail its command
+_LATE_MARGIN: Final = 1.2
 _LATE_SAMPLES: Final = 5
 _LATE_TIME: Final = 0.1  # s
 _FLICKER_SAMPLES: Final = 30
@@ -40,11 +43,13 @@ _LOG_IMPOSSIBLE: Final = -40.0
 
 
 @numba.njit(cache=True, nogil=True)
-def lock_stage_of(memory: Memory, i: int, stage: int, fresh: bool, repeated: bool) -> int:
+def lock_stage_of(
+    memory: Memory, i: int, stage: int, fresh: bool, repeated: bool, live: bool
+) -> int:
     """Hold a confirmed lock back while the arm as a whole says something else.
 
-    Where no commanded joint moves, the arm is stopped or runs other commands; where the message
-    itself repeats, nothing is known of any joint.
+    Where no commanded joint moves, the arm is stopped, has not got its command yet or runs others;
+    where the message itself repeats, nothing is known of any joint.
     """
     if stage != LOCK_CONFIRMED:
         return stage
@@ -53,11 +58,24 @@ def lock_stage_of(memory: Memory, i: int, stage: int, fresh: bool, repeated: boo
     r = memory.joints[i]
     if r.changes_ever == 0 and r.q == 0.0 and _others_flicker(memory, i):
         return LOCK_UNSENSED
-    least = int(memory.settings[0].not_executing_joints)
     if r.ring_n == 0:
         return stage if _others_move(memory, i) else LOCK_FIRST
-    if least == 0:
-        return stage
+    return stage if _executed(memory, i, live) else LOCK_HELD_BACK
+
+
+@numba.njit(cache=True, nogil=True)
+def _executed(memory: Memory, i: int, live: bool) -> bool:
+    """Tell whether the arm is seen to execute the command that joint ``i`` does not follow.
+
+    Another joint that follows its own command shows that. Where it set out late, because the arm
+    took up its command later than was thought, joint ``i`` is granted that time, too. A joint
+    that has moved since its command left rest shows it itself.
+    """
+    s = memory.settings[0]
+    r = memory.joints[i]
+    if s.not_executing_joints == 0.0:
+        return True
+    lateness = np.inf
     commanded = 1
     for j in range(memory.joints.shape[0]):
         other = memory.joints[j]
@@ -66,13 +84,38 @@ def lock_stage_of(memory: Memory, i: int, stage: int, fresh: bool, repeated: boo
         if other.state == LOCKED or other.state == RUNAWAY:
             continue
         if other.runaway_n > 0:
-            return LOCK_HELD_BACK
-        if other.still_since >= r.suspect_since:
-            return stage
+            return False
         asked = other.missing > 0.25 * other.threshold
-        if asked or abs(other.command_speed) >= other.moving_speed:
+        if not asked and r.t - other.command_rest_since > _RECENT + other.lag_high:
+            continue
+        if abs(other.command_speed) >= other.moving_speed or asked:
             commanded += 1
-    return LOCK_HELD_BACK if commanded >= least and commanded > 1 else stage
+        if other.still_since >= r.suspect_since and _follows(memory, j):
+            late = other.start_late if other.started >= r.departed else 0.0
+            lateness = min(lateness, late)
+    if lateness < np.inf:
+        return r.taken_up or r.t - r.reached_since >= _LATE_MARGIN * lateness - r.lag_used
+    if commanded >= s.not_executing_joints and commanded > 1:
+        return False
+    # Nobody else is commanded: the message may still be on its way to the arm.
+    waited = r.t - r.departed - r.lag_high >= s.start_timeout_s
+    return live or r.taken_up or r.high_effort or waited
+
+
+@numba.njit(cache=True, nogil=True)
+def _follows(memory: Memory, j: int) -> bool:
+    """Tell whether a joint is where one of its believable lags would have it."""
+    r = memory.joints[j]
+    if not r.lag_known:
+        return r.way * r.command_speed >= 0.0
+    ring_t, ring_c = memory.ring_t[j], memory.ring_c[j]
+    early = command_at(r, ring_t, ring_c, r.t - r.lag_low)
+    late = command_at(r, ring_t, ring_c, r.t - r.lag_high)
+    if np.isnan(early) or np.isnan(late):
+        return True
+    reach = r.slack + 2.0 * r.envelope + 3.0 * r.band + _START_LATE * abs(r.command_speed)
+    where = r.q - r.offset
+    return min(early, late) - reach <= where <= max(early, late) + reach
 
 
 @numba.njit(cache=True, nogil=True)

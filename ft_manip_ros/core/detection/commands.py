@@ -15,6 +15,9 @@ Array = NDArray[np.float64]
 _DEGREE = 5
 _INSTANT = 1e-6  # s, a step
 
+# Time from start (s), positions, velocities, accelerations; the latter two may be empty.
+TrajectoryPoint = tuple[float, Sequence[float], Sequence[float], Sequence[float]]
+
 
 @dataclass(frozen=True, eq=False)
 class Spline:
@@ -211,7 +214,7 @@ class CommandBook:
 
 def point_table(
     field_name: str,
-    points: Sequence[tuple[float, Sequence[float], Sequence[float], Sequence[float]]],
+    points: Sequence[TrajectoryPoint],
     m: int,
 ) -> tuple[Array, Array, Array, Array]:
     """Times (p,) and positions, velocities, accelerations (p, m) of trajectory points.

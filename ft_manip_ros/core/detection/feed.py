@@ -10,13 +10,13 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from ft_manip_ros.core.detection.commands import TrajectoryPoint
 from ft_manip_ros.core.detection.monitor import FaultMonitor
 from ft_manip_ros.core.detection.states import Edge
 from ft_manip_ros.core.errors import InputError
 
 _RECENT = 1_000_000_000  # ns, how old the latest sample may be to tell the samples' clock
 Array = NDArray[np.float64]
-TrajectoryPoint = tuple[float, Sequence[float], Sequence[float], Sequence[float]]
 
 
 class MonitorFeed:
@@ -135,6 +135,6 @@ class MonitorFeed:
 
     def on_sample_clock(self, arrival: int) -> int:
         """Stamp (ns) that a sample arriving at ``arrival`` would have borne."""
-        if self._latest is None or not 0 <= arrival - self._latest[1] <= _RECENT:
+        if self._latest is None or abs(arrival - self._latest[1]) > _RECENT:
             return arrival
         return self._latest[0] + arrival - self._latest[1]

@@ -16,6 +16,10 @@ Array = NDArray[np.float64]
 LEAST_MOTION = np.deg2rad(1.0)  # rad, commanded after a lock that has to be found
 
 _SWING_TIME = 2_000_000_000  # ns
+_SPEED_TIME = 0.04  # s
+_MOVING = 0.02  # rad/s, commanded of a joint that counts as moving
+_REST = 500_000_000  # ns
+_STILL = 1e-5  # rad
 
 
 @dataclass(frozen=True)
@@ -32,12 +36,15 @@ class Fault:
         First message that shows it.
     expected
         State that it must lead to.
+    due
+        First message that can tell: that of a joint locked at rest in which its command leaves.
     """
 
     kind: str
     joint: int
     row: int
     expected: JointState
+    due: int
 
 
 def moving_rows(recording: Recording, joint: int) -> NDArray[np.int64]:
@@ -51,6 +58,29 @@ def moving_rows(recording: Recording, joint: int) -> NDArray[np.int64]:
     rows = np.flatnonzero(highest - lowest > LEAST_MOTION)
     # The monitor may look at the recording before it has to judge it.
     return rows[rows > len(command) // 20]
+
+
+def command_speed(recording: Recording, joint: int, rows: NDArray[np.int64]) -> Array:
+    """Mean speed (rad/s) of the joint's command around each of ``rows``."""
+    times = recording.stamps * 1e-9
+    last = len(times) - 1
+    reach = max(1, round(_SPEED_TIME / float(np.median(np.diff(times)))))
+    before, after = np.maximum(rows - reach, 0), np.minimum(rows + reach, last)
+    command = recording.commands[:, joint]
+    return np.asarray(np.abs(command[after] - command[before]) / (times[after] - times[before]))
+
+
+def departures(recording: Recording, joint: int) -> NDArray[np.int64]:
+    """Messages in which the joint's command leaves a rest of `_REST` and then moves on."""
+    rows = moving_rows(recording, joint)
+    if not len(rows):
+        return rows
+    command = recording.commands[:, joint]
+    changed = np.flatnonzero(np.abs(np.diff(command)) > _STILL)
+    if not len(changed):
+        return changed
+    leaves = changed[1:][np.diff(recording.stamps[changed]) > _REST] + 1
+    return np.intersect1d(leaves, rows)
 
 
 def lock(recording: Recording, rng: np.random.Generator, joint: int, row: int) -> Recording:
@@ -125,6 +155,7 @@ def _held(recording: Recording, joint: int, row: int, noise: Array) -> Recording
 Implant = Callable[[Recording, np.random.Generator, int, int], Recording]
 KINDS: dict[str, tuple[Implant, JointState]] = {
     'lock': (lock, JointState.LOCKED),
+    'lock at rest': (noisy_lock, JointState.LOCKED),
     'noisy lock': (noisy_lock, JointState.LOCKED),
     'stale': (stale, JointState.STALE),
     'not a number': (not_a_number, JointState.SENSOR),
@@ -139,22 +170,33 @@ def implant(
 ) -> tuple[Recording, Fault] | None:
     """Implant one fault of a kind at a random joint and time; None where none fits.
 
-    Locks go where the command still moves by more than `LEAST_MOTION`.
+    Locks go into joints that are commanded to move, and by more than `LEAST_MOTION` from there
+    on; those at rest go between two motions.
     """
     function, expected = KINDS[kind]
     n, count = len(recording.joints), len(recording.stamps)
     if expected in (JointState.LOCKED, JointState.RUNAWAY):
-        joints = [j for j in range(n) if len(moving_rows(recording, j))]
+        places = {joint: _places(recording, kind, joint) for joint in range(n)}
+        joints = [joint for joint, rows in places.items() if len(rows)]
         if not joints:
             return None
         joint = int(rng.choice(joints))
-        rows = moving_rows(recording, joint)
-        if expected == JointState.RUNAWAY:
-            # A swing takes its time.
-            rows = rows[recording.stamps[rows] < recording.stamps[-1] - _SWING_TIME]
-        row = int(rng.choice(rows))
+        due = row = int(rng.choice(places[joint]))
+        if kind == 'lock at rest':
+            row = int(np.searchsorted(recording.stamps, recording.stamps[due] - _REST // 2))
     else:
         joint = int(rng.integers(n))
-        row = int(rng.integers(count // 3, count - count // 10))
+        due = row = int(rng.integers(count // 3, count - count // 10))
     faulty = function(recording, rng, joint, row)
-    return faulty, Fault(kind, -1 if kind == 'frozen payload' else joint, row, expected)
+    return faulty, Fault(kind, -1 if kind == 'frozen payload' else joint, row, expected, due)
+
+
+def _places(recording: Recording, kind: str, joint: int) -> NDArray[np.int64]:
+    """Messages in which a fault of a kind can begin or, at rest, show."""
+    if kind == 'lock at rest':
+        return departures(recording, joint)
+    rows = moving_rows(recording, joint)
+    if kind == 'run away':
+        # A swing takes its time.
+        return rows[recording.stamps[rows] < recording.stamps[-1] - _SWING_TIME]
+    return rows[command_speed(recording, joint, rows) > _MOVING] if len(rows) else rows

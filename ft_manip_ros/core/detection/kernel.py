@@ -27,6 +27,7 @@ from ft_manip_ros.core.detection.plausibility import (
     repeats_unlike_itself,
     unwrap,
 )
+from ft_manip_ros.core.detection.slack import fade_swallowed, learn_swallowed
 from ft_manip_ros.core.detection.states import Cause, JointState
 from ft_manip_ros.core.detection.stillness import (
     effort_speaks,
@@ -39,7 +40,6 @@ from ft_manip_ros.core.detection.tracking import learn_noise, learn_tracking, re
 Array = NDArray[np.float64]
 
 _LATCHED: Final = (int(JointState.LOCKED), int(JointState.RUNAWAY))
-_SUSPECT: Final = int(JointState.SUSPECT)
 _JUMP: Final = int(Cause.JUMP)
 _DEAD: Final = int(Cause.DEAD_CHANNEL)
 _LATE: Final = int(Cause.LATE)
@@ -48,9 +48,10 @@ _GAP: Final = 1.0  # s without samples after which all windows begin anew
 _BAD_RESETS: Final = 0.25  # s of bad samples after which the stillness window begins anew
 _FIRST_LEVEL: Final = 0.5
 _JERK_MEMORY: Final = 10.0  # s
-_JERKS_MANY: Final = 3
+_JERKS_MANY: Final = 4
 _BACK_SAMPLES: Final = 10  # messages of a new time line before it is believed
 _LATE_MARGIN: Final = 0.05  # s
+_LOAD_MEMORY: Final = 300.0  # s
 
 
 @numba.njit(cache=True, nogil=True)
@@ -68,6 +69,7 @@ def forget_windows(r: Any) -> None:
     r.prove_q = np.nan
     r.command_moves = False
     r.command_rest_value = np.nan
+    r.depart_q = np.nan
     r.command_rest_since = NO_TIME
     r.bad_run = 0
     r.past_n = 0
@@ -129,16 +131,15 @@ def _accept(memory: Memory, j: int, t: float, q: float, v: float, e: float) -> i
     else:
         r.period_n += 1
         r.period += (dt - r.period) / min(float(r.period_n), 50.0)
-    lag_prior = s.lag_prior_s
-    if arm.lag_high > 0.0:
-        lag_prior = min(lag_prior, 1.5 * arm.lag_high)
-    level = lock_level(r)
-    missing = r.missing
-    broke = observe_stillness(r, s, ring_t, ring_c, t, q, v, lag_prior)
-    if broke:
+    if np.isnan(r.depart_q):
+        r.depart_q = q
+    if observe_stillness(r, s, arm.load, ring_t, ring_c, t, q, v, s.lag_prior_s):
         r.has_moved = r.has_sample and dt > 0.0
-        if _FIRST_LEVEL <= level < 1.0 and r.state == _SUSPECT:
-            _note_jerk(r, t, missing)
+        r.taken_up = r.taken_up or abs(q - r.depart_q) > r.slack
+    if r.state == _LATCHED[0] or r.state == _LATCHED[1]:
+        r.catch_missing = 0.0
+    elif learn_swallowed(r, t, q):
+        _note_jerk(r, t)
     if r.ring_n == 0:
         observe_coasting(r, memory.past_t[j], memory.past_q[j], t, q)
     r.late_mean = q if r.still_n <= 1 else r.late_mean + 0.35 * (q - r.late_mean)
@@ -157,9 +158,9 @@ def _accept(memory: Memory, j: int, t: float, q: float, v: float, e: float) -> i
                     r, ring_t, ring_c, memory.lag_mean[j], memory.lag_var[j], memory.lags, t, q
                 )
                 learn_effort(r, e, dt)
-                if r.lag_known:
-                    arm.lag_high = max(arm.lag_high, r.lag_high)
         runaway = judge_motion(r, s, ring_t, ring_c, t, q)
+        fade_swallowed(r, dt)
+        arm.load = max(arm.load * (1.0 - min(dt, 1.0) / _LOAD_MEMORY), r.rest_wander)
         if r.proving:
             follow_proof(r, ring_t, ring_c, t, q)
     r.q_2, r.t_2 = r.q_1, r.t_1
@@ -171,11 +172,10 @@ def _accept(memory: Memory, j: int, t: float, q: float, v: float, e: float) -> i
 
 
 @numba.njit(cache=True, nogil=True)
-def _note_jerk(r: Any, t: float, missing: float) -> None:
-    """A suspect moved on by itself: it sticks, and its slack has to allow for that."""
+def _note_jerk(r: Any, t: float) -> None:
+    """A suspect moved on by itself: it sticks."""
     r.jerks = r.jerks + 1 if t - r.last_jerk < _JERK_MEMORY else 1
     r.last_jerk = t
-    r.stick = max(r.stick, missing)
     r.suspects += 1
 
 
@@ -266,7 +266,7 @@ def advance(
             r = joints[j]
             before = r.state
             stage = lock_stage(r, s, lock_level(r))
-            stage = lock_stage_of(memory, j, stage, fresh[j], repeated)
+            stage = lock_stage_of(memory, j, stage, fresh[j], repeated, live)
             stale = stale_cause(r, s, arm, repeated, t)
             runaway = runaway_of(memory, j, runaways[j], live)
             if r.dead and r.bad_run == 0 and stage == 0:

@@ -35,6 +35,9 @@ _FLAGS = (
     'dead',
     'stop_counted',
     'untrusted',
+    'taken_up',
+    'through',
+    'catch_through',
 )
 _COUNTS = (
     'state',
@@ -61,6 +64,7 @@ _COUNTS = (
     'slip_n',
     'jerks',
     'suspects',
+    'starts',
     'ring_head',
     'ring_n',
     'past_n',
@@ -107,6 +111,8 @@ _NUMBERS = (
     'command_mean',
     'command_rest_since',
     'command_rest_value',
+    'departed',
+    'depart_q',
     # noise
     'noise_var',
     'rough_var',
@@ -122,14 +128,27 @@ _NUMBERS = (
     'late_mean',
     'c_lo',
     'c_hi',
-    'missing',
-    'missing_since',
+    'span',
+    'span_since',
+    'way',
+    'c_begin',
+    'begin_speed',
+    'ahead',
     'lag_used',
-    'lag_low_used',
+    'missing',
     'threshold',
     'band',
     'suspect_since',
     'reached_since',
+    # what a healthy joint swallowed
+    'started',
+    'start_late',
+    'catch_q',
+    'catch_missing',
+    'catch_level',
+    'catch_t',
+    'swallow_start',
+    'swallow_way',
     # tracking
     'lag',
     'lag_low',
@@ -139,7 +158,6 @@ _NUMBERS = (
     'envelope',
     'rest_wander',
     'moved_s',
-    'stick',
     'last_jerk',
     'effort_envelope',
     # speed and braking of a joint without command
@@ -165,6 +183,7 @@ _UNKNOWN = (
     'raw_1',
     'command',
     'command_rest_value',
+    'depart_q',
     'prove_q',
     'prove_c',
     'drift_q',
@@ -191,7 +210,7 @@ ARM = np.dtype(
         ('back_last', np.float64),
         ('repeat_since', np.float64),
         ('longest_repeat', np.float64),
-        ('lag_high', np.float64),  # the largest learned by any joint
+        ('load', np.float64),  # rad or m, the largest sag seen at rest, of any joint
     ],
     align=True,
 )
@@ -252,7 +271,7 @@ def allocate(
     records['state'] = JointState.IDLE
     for name in _UNKNOWN:
         records[name] = np.nan
-    for name in ('t', 't_1', 't_2', 'last_jerk', 'command_rest_since'):
+    for name in ('t', 't_1', 't_2', 'last_jerk', 'command_rest_since', 'departed', 'started'):
         records[name] = NO_TIME
     records['lag_high'] = settings.lag_prior_s
     arm = np.zeros(1, dtype=ARM)

@@ -51,8 +51,6 @@ _SUSPECT_LEVEL: Final = 0.5
 _CONTRADICTIONS: Final = 3
 _UNCOMMANDED_CARE: Final = 5  # times the confirm window, where no command is known
 _ACTIVE: Final = 0.3  # s that a joint counts as commanded after its command came to rest
-_LOAD_CHANGE: Final = 0.3  # s
-_SAG_SEEN: Final = 0.25  # of the slack
 _SLIP_SAMPLES: Final = 3
 
 
@@ -65,12 +63,6 @@ def lock_stage(r: Any, s: Any, level: float) -> int:
     enough = r.still_n >= harder * s.confirm_samples
     enough = enough and r.still_time >= harder * s.confirm_s - 1e-9
     if level < 1.0 or not enough:
-        return LOCK_FIRST
-    # A joint that is seen to sag at rest carries changing loads, and one of them may just hide its
-    # motion: it cannot go on hiding it.
-    wanders = r.rest_wander > _SAG_SEEN * r.slack
-    hidden = wanders and r.missing < 2.0 * r.envelope + r.threshold
-    if hidden and r.t - r.reached_since < _LOAD_CHANGE:
         return LOCK_FIRST
     if r.contradictions >= _CONTRADICTIONS or r.untrusted:
         return LOCK_CONTRADICTED
@@ -87,7 +79,8 @@ def freeze(r: Any, t: float, cause: int) -> None:
     # Repeating samples say where it stands; otherwise an average that forgets how it got there.
     r.frozen_q = (r.q if r.repeat_run > 1 else r.late_mean) - 2.0 * np.pi * r.turns
     sigma = noise_of(r)
-    quantum = r.quantum if r.quantum < r.slack else 0.0
+    # Where readings flicker, the noise holds what the steps of the encoder add.
+    quantum = r.quantum if r.quantum < r.slack and r.repeat_run > 0 else 0.0
     r.frozen_sigma = np.sqrt(0.25 * sigma * sigma + quantum * quantum / 12.0 + 1e-14)
     r.slip_n = 0
 

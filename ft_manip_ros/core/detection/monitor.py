@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ft_manip_ros.core.chain import Joint
-from ft_manip_ros.core.detection.commands import CommandBook, point_table
+from ft_manip_ros.core.detection.command_intake import CommandIntake
+from ft_manip_ros.core.detection.commands import TrajectoryPoint
 from ft_manip_ros.core.detection.kernel import advance, forget_windows
 from ft_manip_ros.core.detection.layout import NO_TIME, allocate
 from ft_manip_ros.core.detection.machine import freeze
@@ -66,7 +67,7 @@ class FaultMonitor:
         limited = [isinstance(joint, Joint) for joint in joints]
         self._memory = allocate(known, self.settings, limited, exempt)
         self.records = self._memory.joints
-        self._book = CommandBook(len(known))
+        self._intake = CommandIntake(self.names)
         n = len(known)
         self._row = np.full((3, 1, n), np.nan)
         self._present = np.zeros((1, n), dtype=np.bool_)
@@ -88,57 +89,22 @@ class FaultMonitor:
         InputError
             For a position that is not finite; the whole message is then ignored.
         """
-        mine = {self._place[k]: float(v) for k, v in positions.items() if k in self._place}
-        for j, value in mine.items():
-            if not math.isfinite(value):
-                raise InputError(f'reference of {self.names[j]!r}', f'is {value}; must be finite')
         t = self._time(stamp)
+        self._intake.reference(t, positions)
         self._live_until = t + 0.5
-        if mine:
-            self._book.reference(t, np.array(list(mine)), np.array(list(mine.values())))
 
     def trajectory(
         self,
         stamp: int,
         names: Sequence[str],
-        points: Sequence[tuple[float, Sequence[float], Sequence[float], Sequence[float]]],
+        points: Sequence[TrajectoryPoint],
     ) -> None:
         """Take a trajectory that starts at ``stamp`` (ns); without points: hold.
 
-        Parameters
-        ----------
-        names
-            Joints of the columns; those that are not watched are skipped.
-        points
-            Time from start (s), positions, velocities, accelerations; the latter two may be
-            empty.
-
-        Raises
-        ------
-        InputError
-            For wrong lengths, values that are not finite, or times that do not grow.
+        Parameters and errors are those of `CommandIntake.trajectory`.
         """
-        if len(set(names)) != len(names):
-            raise InputError('trajectory.joint_names', f'{list(names)} name a joint twice')
-        times, positions, velocities, accelerations = point_table('trajectory', points, len(names))
-        columns = [k for k, name in enumerate(names) if name in self._place]
-        joints = np.array([self._place[names[k]] for k in columns], dtype=np.int64)
-        if not names and not points:
-            joints, columns = np.arange(len(self.names)), []
-        if not len(joints):
-            raise InputError(
-                'trajectory.joint_names',
-                f'{list(names)} has no watched joint; those are {", ".join(self.names)}',
-            )
-        self._book.trajectory(
-            self._time(stamp),
-            joints,
-            times,
-            positions[:, columns],
-            velocities[:, columns],
-            accelerations[:, columns],
-            self.records['q'].copy(),
-        )
+        measured = self.records['q'].copy()
+        self._intake.trajectory(self._time(stamp), names, points, measured)
 
     # Samples
 
@@ -163,7 +129,7 @@ class FaultMonitor:
                     if row == 0:
                         self._present[0, j] = True
         self._stamp[0] = self._time(stamp)
-        command = self._book.at(self._stamp[0])[None, :]
+        command = self._intake.at(self._stamp[0])[None, :]
         return self._advance(self._stamp, self._row, self._present, command, [stamp])
 
     def samples(
@@ -263,7 +229,7 @@ class FaultMonitor:
                 out.append(self._edge(j, JointState(int(before)), stamps[done - 1], ''))
         if self._memory.arm['resets'][0] != self._resets:
             self._resets = int(self._memory.arm['resets'][0])
-            self._book.clear()
+            self._intake.clear()
         return out
 
     # Verdicts
@@ -343,7 +309,7 @@ class FaultMonitor:
         for j in range(len(self.names)):
             forget_windows(self._memory.joints[j])
         self._memory.arm['now'] = NO_TIME
-        self._book.clear()
+        self._intake.clear()
 
     def _edge(self, j: int, before: JointState, stamp: int, note: str) -> Edge:
         self._notes[j] = note

@@ -56,15 +56,18 @@ class MonitorSettings:
     not_executing_joints
         When at least so many joints are commanded and none of them moves, the arm is not
         executing its commands (stop, refused goal) and no joint is LOCKED; 0 switches that off.
+    start_timeout_s
+        How long (s) an arm may take to take up a trajectory: a joint that alone is commanded, and
+        has not moved since, is LOCKED only after this. Not for streamed references.
     """
 
     sensitivity: float = 1.0
     confirm_s: float = 0.03
     confirm_samples: int = 4
-    lag_prior_s: float = 0.25
+    lag_prior_s: float = 0.3
     slack_revolute: float = 0.008
     slack_prismatic: float = 0.003
-    slack_unproved_factor: float = 1.5
+    slack_unproved_factor: float = 2.0
     slack_least_revolute: float = 0.0015
     slack_least_prismatic: float = 0.0005
     still_revolute: float = 1e-4
@@ -86,6 +89,7 @@ class MonitorSettings:
     prove_revolute: float = 0.02
     prove_prismatic: float = 0.008
     not_executing_joints: int = 2
+    start_timeout_s: float = 1.0
 
     def __post_init__(self) -> None:
         for item in fields(self):

@@ -19,10 +19,8 @@ _LAG_LEAST = 0.5  # s of motion before a lag is believed
 _TRUST_AFTER = 5.0  # s of motion until a joint's own tracking replaces the prior slack
 _ENVELOPE_MEMORY = 120.0  # s of motion
 _PACE = 20.0  # times the slowest motion: where lag begins to show
+_RESTED = 0.3  # s for which a command rests before it departs anew
 _AS_GOOD = 1.1  # ratio of variances below which two lags explain the motion alike
-_QUICK = 1.5  # s within which loads do not change at all
-_WANDER = 1.5  # s within which loads do not change much
-_STICK_FACTOR = 1.5
 
 
 @numba.njit(cache=True, nogil=True)
@@ -57,6 +55,10 @@ def remember_command(r: Any, ring_t: Array, ring_c: Array, t: float, c: float) -
     r.command = c
     if np.isnan(r.command_rest_value) or abs(c - r.command_rest_value) > 0.1 * r.still_least:
         r.command_moves = r.ring_n > 1
+        if r.ring_n == 1 or t - r.command_rest_since > _RESTED:
+            r.departed = t
+            r.depart_q = r.q
+            r.taken_up = False
         r.command_rest_value = c
         r.command_rest_since = t
 
@@ -111,7 +113,8 @@ def learn_noise(r: Any, t: float, q: float) -> None:
     if size > _SMALLEST_STEP:
         r.quantum = min(size, 1.0005 * r.quantum) if r.quantum > 0.0 else size
     resting = r.ring_n > 0 and t - r.command_rest_since > 0.3 + r.lag_high
-    if resting:
+    # The command that is known need not be the one that the arm has.
+    if resting and abs(q - r.drift_q) < r.slack:
         square = 0.5 * d * d
         if r.noise_n > 30:
             square = min(square, 25.0 * r.noise_var + r.quantum * r.quantum)
@@ -210,25 +213,3 @@ def learn_tracking(
         r.lag_first = r.lag_high
     elif r.moved_s < _TRUST_AFTER:
         r.lag_first = max(r.lag_first, r.lag_high)
-
-
-@numba.njit(cache=True, nogil=True)
-def slack_of(r: Any, unproved_factor: float, lasting: float) -> float:
-    """Commanded motion that this joint may swallow while healthy (rad or m).
-
-    Parameters
-    ----------
-    lasting
-        Time (s) for which its command has been moving on without it. A change of load within it
-        may hide slow motion: what was learned only counts for quick motion, and on joints whose
-        tracking is seen to wander the slack grows beyond the prior one.
-    """
-    stick = _STICK_FACTOR * r.stick
-    if r.ring_n == 0:
-        return r.slack
-    if not r.lag_known:
-        return max(r.slack * unproved_factor, stick)
-    prior = r.slack * max(0.0, 1.0 - r.moved_s / _TRUST_AFTER)
-    prior = max(prior, r.slack * min(lasting / _QUICK, 1.0))
-    most = r.slack * (1.0 + max(lasting - _WANDER, 0.0) / _WANDER)
-    return max(min(max(max(r.slack_least, 2.0 * r.envelope), prior), most), stick)
