@@ -86,6 +86,19 @@ def freeze(r: Any, t: float, cause: int) -> None:
 
 
 @numba.njit(cache=True, nogil=True)
+def release(r: Any) -> None:
+    """End a latched fault: from here on the joint has to prove itself."""
+    r.state = PROVING
+    r.cause = _CLEARED
+    r.proving = True
+    r.manual = False
+    r.frozen_q = np.nan
+    r.frozen_sigma = np.nan
+    r.first_evidence = 0.0
+    r.confirmed = 0.0
+
+
+@numba.njit(cache=True, nogil=True)
 def watch_locked(r: Any, t: float, q: float) -> None:
     """A joint that was found LOCKED and changes its angle is not frozen: RUNAWAY."""
     q -= 2.0 * np.pi * r.turns

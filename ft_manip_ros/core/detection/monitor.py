@@ -13,8 +13,9 @@ from ft_manip_ros.core.detection.command_intake import CommandIntake
 from ft_manip_ros.core.detection.commands import TrajectoryPoint
 from ft_manip_ros.core.detection.kernel import advance, forget_windows
 from ft_manip_ros.core.detection.layout import NO_TIME, allocate
-from ft_manip_ros.core.detection.machine import freeze
-from ft_manip_ros.core.detection.reporting import report_of
+from ft_manip_ros.core.detection.machine import freeze, release
+from ft_manip_ros.core.detection.reporting import Reporter
+from ft_manip_ros.core.detection.sample_table import sample_table
 from ft_manip_ros.core.detection.settings import MonitorSettings
 from ft_manip_ros.core.detection.states import Cause, Edge, JointState, Report
 from ft_manip_ros.core.errors import InputError
@@ -73,13 +74,10 @@ class FaultMonitor:
         self._present = np.zeros((1, n), dtype=np.bool_)
         self._stamp = np.zeros(1)
         self._edges = np.zeros((n, 2), dtype=np.int64)
-        self._notes: list[str] = [''] * n
-        self._changes: list[tuple[JointState, int]] = [(JointState.IDLE, 0)] * n
+        self._reporter = Reporter(self.names, self.records, self._stamp_of)
         self._epoch: int | None = None
         self._live_until = -math.inf
         self._resets = 0
-
-    # Commanded motion
 
     def command(self, stamp: int, positions: Mapping[str, float]) -> None:
         """Take set points that hold from ``stamp`` (ns) on; unknown joints are ignored.
@@ -105,8 +103,6 @@ class FaultMonitor:
         """
         measured = self.records['q'].copy()
         self._intake.trajectory(self._time(stamp), names, points, measured)
-
-    # Samples
 
     def sample(
         self,
@@ -149,15 +145,8 @@ class FaultMonitor:
             Joints of the columns, none twice; unknown ones are ignored.
         positions, velocities, efforts : ndarray, shape (K, m), or (K, 0) where not given
         """
-        count, n = len(stamps), len(self.names)
-        columns = [k for k, name in enumerate(names) if name in self._place]
-        places = [self._place[names[k]] for k in columns]
-        values = np.full((3, count, n), np.nan)
-        present = np.zeros((count, n), dtype=np.bool_)
-        for row, table in enumerate((positions, velocities, efforts)):
-            if table.shape[1]:
-                values[row][:, places] = table[:, columns]
-        present[:, places] = positions.shape[1] > 0
+        count = len(stamps)
+        values, present = sample_table(self._place, names, positions, velocities, efforts)
         times = np.array([self._time(stamp) for stamp in stamps.tolist()])
         # Where stamps go back the commands may be forgotten on the way, and where references are
         # streamed they change from sample to sample: one by one, then.
@@ -167,7 +156,7 @@ class FaultMonitor:
         edges: list[Edge] = []
         for start in range(0, count, step):
             rows = slice(start, start + step)
-            commands = np.array([self._book.at(t).copy() for t in times[rows]])
+            commands = np.array([self._intake.at(t).copy() for t in times[rows]])
             edges += self._advance(
                 times[rows], values[:, rows], present[rows], commands, stamps[rows].tolist()
             )
@@ -213,30 +202,19 @@ class FaultMonitor:
         done = 0
         while done < len(times):
             q, v, e = values[:, done:]
-            rows, count = advance(
-                self._memory,
-                times[done:],
-                q,
-                v,
-                e,
-                present[done:],
-                commands[done:],
-                live,
-                self._edges,
-            )
+            rest = (times[done:], q, v, e, present[done:], commands[done:])
+            rows, count = advance(self._memory, *rest, live, self._edges)
             done += rows
             for j, before in self._edges[:count]:
-                out.append(self._edge(j, JointState(int(before)), stamps[done - 1], ''))
+                out.append(self._reporter.edge(j, JointState(int(before)), stamps[done - 1], ''))
         if self._memory.arm['resets'][0] != self._resets:
             self._resets = int(self._memory.arm['resets'][0])
             self._intake.clear()
         return out
 
-    # Verdicts
-
     def states(self) -> tuple[Report, ...]:
         """What is known of every joint now."""
-        return tuple(self._report(j) for j in range(len(self.names)))
+        return self._reporter.all()
 
     def frozen(self) -> dict[str, float]:
         """Positions (rad or m) of all joints that are LOCKED."""
@@ -262,7 +240,7 @@ class FaultMonitor:
         r['manual'] = True
         if position is not None:
             r['frozen_q'] = position
-        return self._edge(j, before, stamp, reason)
+        return self._reporter.edge(j, before, stamp, reason)
 
     def clear(self, name: str, stamp: int, reason: str = '') -> list[Edge]:
         """Clear a joint's fault, or with an empty name all; each must then prove itself.
@@ -280,13 +258,8 @@ class FaultMonitor:
             if before not in (JointState.LOCKED, JointState.RUNAWAY):
                 continue
             forget_windows(self._memory.joints[j])
-            r['state'], r['cause'] = JointState.PROVING, Cause.CLEARED
-            r['proving'], r['manual'] = True, False
-            for field in ('frozen_q', 'frozen_sigma'):
-                r[field] = math.nan
-            for field in ('first_evidence', 'confirmed'):
-                r[field] = 0.0
-            edges.append(self._edge(j, before, stamp, reason))
+            release(self._memory.joints[j])
+            edges.append(self._reporter.edge(j, before, stamp, reason))
         return edges
 
     def restore(
@@ -302,7 +275,7 @@ class FaultMonitor:
         r = self.records[self._index(name, 'joint')]
         r['state'], r['cause'], r['manual'] = state, Cause.RESTORED, manual
         r['frozen_q'], r['frozen_sigma'] = position, sigma
-        self._notes[self._place[name]] = reason
+        self._reporter.notes[self._place[name]] = reason
 
     def forget_time(self) -> None:
         """Start a new time line (the clock jumped); faults and what was learned stay."""
@@ -310,17 +283,6 @@ class FaultMonitor:
             forget_windows(self._memory.joints[j])
         self._memory.arm['now'] = NO_TIME
         self._intake.clear()
-
-    def _edge(self, j: int, before: JointState, stamp: int, note: str) -> Edge:
-        self._notes[j] = note
-        self._changes[j] = (before, stamp)
-        return Edge(stamp, before, self._report(j))
-
-    def _report(self, j: int) -> Report:
-        before, changed = self._changes[j]
-        return report_of(
-            self.records[j], self.names[j], self._notes[j], before, changed, self._stamp_of
-        )
 
     def _index(self, name: str, field_name: str) -> int:
         if name not in self._place:
