@@ -158,7 +158,7 @@ def _draw_slice(axes: Any, problem: DesignProblem, result: DesignResult, cells: 
     direction = direction / length if length > 1e-9 else np.array([1.0, 0.0, 0.0])
     rho, z = (grid.ravel() for grid in np.meshgrid(radii, heights))
     points = rho[:, None] * direction + z[:, None] * np.array([0.0, 0.0, 1.0])
-    settings = FtwsSettings(intervals=False, margin=False, boxes=500)
+    settings = FtwsSettings(intervals=False, margin=False, boxes=20_000)
     results = query(chain, points, order=problem.spec.order, settings=settings, threads=2)
     for verdict, color in _COLORS.items():
         chosen = np.array([r.verdict is verdict for r in results])

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from ft_manip_ros.core.arm_file import load_dh
+from ft_manip_ros.core.design.certificate import certify_design
 from ft_manip_ros.core.design.job import DesignJob
 from ft_manip_ros.core.design.proof import prove
 from ft_manip_ros.core.design.search import design_arm
@@ -48,6 +49,15 @@ def test_random_tasks_get_designs_that_brute_force_confirms():
         result = design_arm(task, spec, DesignSettings(seed=seed))
         assert result.proved, result.reason
         check_by_brute_force(task, result)
+
+
+def test_four_joints_without_limits_are_confirmed_by_two_others():
+    # More than the theory of planar arms expects, so both independent checks have to agree.
+    result = design_arm(TASK, DesignSpec(4, 1), DesignSettings(seed=1))
+    assert result.proved, result.reason
+    check_by_brute_force(TASK, result, angles=25)
+    outcomes = certify_design(result.table.chain(), TASK, 1)[1]
+    assert [confirmed for confirmed, _ in outcomes] == [True] * 3
 
 
 def test_a_proved_design_is_made_shorter_and_proved_again():
@@ -135,6 +145,7 @@ def test_bounds_and_steps_hold_in_the_result():
     )
     result = design_arm(TASK, settings=settings)
     assert result.proved, result.reason
+    check_by_brute_force(TASK, result)
     steps = result.table.alpha / (np.pi / 4)
     np.testing.assert_allclose(steps, np.round(steps), atol=1e-12)
     assert np.abs(result.table.d).max() <= 0.6
