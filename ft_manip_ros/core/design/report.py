@@ -149,7 +149,7 @@ def _draw_arms(axes: Any, problem: DesignProblem, result: DesignResult) -> None:
 def _draw_slice(axes: Any, problem: DesignProblem, result: DesignResult, cells: int) -> None:
     """Judge a grid of positions in the half-plane through the base's axis and the first goal."""
     chain = result.table.chain()
-    goals = problem.goals.positions
+    goals = problem.goals.positions[: problem.goal_count]
     reach = 1.4 * problem.reach
     radii = np.linspace(0.0, reach, cells)
     heights = np.linspace(goals[:, 2].mean() - reach, goals[:, 2].mean() + reach, cells)
