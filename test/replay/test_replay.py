@@ -14,7 +14,7 @@ import yaml
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as RosbagsWriter
 
-from ft_manip_ros.bags.definitions import message_definition
+from ft_manip_ros.bags.definitions import MessageDefinition, message_definition
 from ft_manip_ros.bags.findings import Finding, Tolerance, compare, digest
 from ft_manip_ros.bags.reader import Bag, BagMessage, open_bag
 from ft_manip_ros.bags.replay import ReplayResult, replay
@@ -35,10 +35,20 @@ def result(bag: Bag) -> ReplayResult:
     return replay(bag)
 
 
+def definitions(bag: Bag) -> dict[str, MessageDefinition]:
+    """What the bag says of its types, which may have grown since it was recorded."""
+    return {
+        name: MessageDefinition(name, text, '', encoding)
+        for source in bag.sources
+        for name, encoding, text in source.schemas()
+    }
+
+
 def rewrite(
     bag: Bag, folder: Path, change: Callable[[BagMessage], BagMessage | None] | None = None
 ) -> Bag:
     """Write a bag again with some messages changed or left out."""
+    kinds = definitions(bag)
     with BagWriter(folder) as writer:
         for name, values in bag.provenance.items():
             if name != 'rosbag2':
@@ -48,7 +58,7 @@ def rewrite(
         for message in bag.messages():
             changed = change(message) if change else message
             if changed is not None:
-                key = writer.add_topic(changed.topic, message_definition(changed.type_name))
+                key = writer.add_topic(changed.topic, kinds[changed.type_name])
                 writer.write(key, changed.data, changed.log_time, changed.publish_time)
     return open_bag(folder)
 
@@ -106,10 +116,10 @@ def test_a_bag_by_another_recorder_has_the_same_digest(
         for name, values in bag.provenance.items():
             for key, value in values.items():
                 writer.set_custom_data(f'{name}:{key}', value)
-        connections = {}
+        connections, kinds = {}, definitions(bag)
         for topic in sorted(bag.topics, reverse=True):
             type_name = bag.topics[topic].type_name
-            definition = message_definition(type_name)
+            definition = kinds[type_name]
             connections[topic] = writer.add_connection(
                 topic, type_name, msgdef=definition.text, rihs01=definition.type_hash or 'RIHS01_0'
             )
@@ -221,9 +231,10 @@ def test_malformed_messages_are_refused_and_the_rest_is_replayed(
 
 
 def test_a_bag_without_parameters_uses_defaults_and_says_so(bag: Bag, tmp_path: Path) -> None:
+    kinds = definitions(bag)
     with BagWriter(tmp_path / 'bare') as writer:
         for message in bag.messages():
-            key = writer.add_topic(message.topic, message_definition(message.type_name))
+            key = writer.add_topic(message.topic, kinds[message.type_name])
             writer.write(key, message.data, message.log_time)
     with pytest.raises(InputError, match='--arm'):
         replay(open_bag(tmp_path / 'bare'))
