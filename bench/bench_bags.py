@@ -1,9 +1,8 @@
-"""Bags: recording at 1 kHz, size and speed of writing beside rosbags, replay speed, memory."""
+"""Bags: recording at 1 kHz, size and speed of writing beside rosbags."""
 
 from __future__ import annotations
 
 import os
-import resource
 import subprocess
 import sys
 import tempfile
@@ -20,18 +19,22 @@ from sensor_msgs.msg import JointState
 from ft_manip_ros.bags.definitions import message_definition
 from ft_manip_ros.bags.qos import SENSOR_DATA
 from ft_manip_ros.bags.reader import open_bag
-from ft_manip_ros.bags.recording import Recorded
-from ft_manip_ros.bags.replay import replay
-from ft_manip_ros.bags.snapshot import SnapshotRecording
 from ft_manip_ros.bags.writer import BagWriter
 from ft_manip_ros.bags.writer_settings import WriterSettings
 from ft_manip_ros.core.arm_file import load_arm
+from ft_manip_ros.core.chain import Array, SerialChain
 from ft_manip_ros.core.joint_path import JointPath
 from ft_manip_ros.core.sim import SimSettings, SimulatedArm
 from ft_manip_ros.nodes.demo_domain import own_domain
 
 DURATION = float(os.environ.get('BENCH_BAGS_SECONDS', '60'))
 RATE = 1000
+# Arm, base and tip.
+ARM = (
+    'package://example-robot-data/robots/panda_description/urdf/panda.urdf',
+    'panda_link0',
+    'panda_hand_tcp',
+)
 TYPE = 'sensor_msgs/msg/JointState'
 ROOT = Path(__file__).resolve().parents[1]
 _SECOND = 1_000_000_000
@@ -51,30 +54,28 @@ def run() -> None:
     print('\nWritten as fast as it goes:')
     print(f'{"":<22}{"us/message":>12}{"MiB/min":>10}{"of raw":>8}')
     offline(messages, raw)
-    replay_speed()
-    snapshot_memory()
+
+
+def motion(chain: SerialChain, count: int) -> tuple[Array, Array]:
+    """Times (s) and postures of a motion that lasts ``count`` samples: a posture every 4 s."""
+    rng = np.random.default_rng(0)
+    middle, half = 0.5 * (chain.lower + chain.upper), 0.5 * (chain.upper - chain.lower)
+    postures = middle + 0.6 * half * rng.uniform(-1.0, 1.0, (max(count // 4000, 2) + 1, chain.n))
+    return np.arange(len(postures), dtype=np.float64) * 4.0, postures
 
 
 def joint_states(count: int) -> list[bytes]:
     """Joint states of a moving 7-DOF arm with noise, as they go over the wire."""
-    chain = load_arm(
-        'package://example-robot-data/robots/panda_description/urdf/panda.urdf',
-        base='panda_link0',
-        tip='panda_hand_tcp',
-    )
+    chain = load_arm(ARM[0], base=ARM[1], tip=ARM[2])
     arm = SimulatedArm(chain, SimSettings())
-    rng = np.random.default_rng(0)
-    middle, half = 0.5 * (chain.lower + chain.upper), 0.5 * (chain.upper - chain.lower)
-    postures = middle + 0.6 * half * rng.uniform(-1.0, 1.0, (max(count // 4000, 2) + 1, chain.n))
-    times = np.arange(len(postures), dtype=np.float64) * 4.0
-    arm.follow(JointPath(chain.joint_names, times, postures, None, None))
+    arm.follow(JointPath(chain.joint_names, *motion(chain, count), None, None))
     found = []
     for i in range(count):
         arm.advance(i / RATE)
         position, velocity = arm.measure()
         message = JointState(name=list(chain.joint_names), position=position.tolist())
         message.velocity, message.effort = velocity.tolist(), [0.0] * chain.n
-        message.header.stamp.sec, message.header.stamp.nanosec = i // RATE, i % RATE * 10**6
+        message.header.stamp.sec, message.header.stamp.nanosec = 1 + i // RATE, i % RATE * 10**6
         found.append(serialize_message(message))
     return found
 
@@ -147,46 +148,3 @@ def _row(name: str, folder: Path, start: float, count: int, raw: int) -> None:
         f'{name:<22}{took / count * 1e6:>12.2f}'
         f'{size * 60.0 / DURATION / _MIB:>10.2f}{size / raw:>8.1%}'
     )
-
-
-def replay_speed() -> None:
-    """Replay the committed cases, kernels compiled."""
-    print('\nReplay, as a multiple of real time (best of 3):')
-    for path in sorted((ROOT / 'bags').glob('*/bag')):
-        bag = open_bag(path)
-        results = [replay(bag) for _ in range(3)]
-        best = min(results, key=lambda result: result.elapsed)
-        assert len({result.digest for result in results}) == 1
-        speed = best.duration / best.elapsed
-        print(
-            f'{path.parent.name:<22}{best.duration:>7.1f} s{best.messages:>8} messages'
-            f'{speed:>8.0f} x'
-        )
-
-
-def snapshot_memory() -> None:
-    """Hours of joint states through the ring buffer, with a fault every ten minutes."""
-    count = 1_000_000
-    data = joint_states(1000)
-    with tempfile.TemporaryDirectory() as scratch:
-        recording = SnapshotRecording(
-            Path(scratch), WriterSettings(), before=10.0, after=5.0, capacity=64 * _MIB
-        )
-        recording.add_topic('/joint_states', message_definition(TYPE), (SENSOR_DATA,))
-        settled, start = 0, time.perf_counter()
-        for i in range(count):
-            stamp = i * _SECOND // RATE
-            recording.put([Recorded('/joint_states', TYPE, stamp, stamp, data[i % 1000])])
-            if i % (600 * RATE) == 300 * RATE:
-                recording.trigger(stamp)
-            if i == count // 2:
-                settled = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-        took = time.perf_counter() - start
-        recording.close(30.0)
-        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-        print(
-            f'\nSnapshot mode: {count / RATE / 60:.0f} min of 1 kHz in {took:.1f} s, '
-            f'{recording.count} snapshots; ring {recording.status().queued_bytes / _MIB:.1f} MiB; '
-            f'peak memory of the process {peak / 1024:.0f} MiB, '
-            f'{(peak - settled) / 1024:+.1f} MiB in the second half'
-        )

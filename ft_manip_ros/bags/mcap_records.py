@@ -128,6 +128,14 @@ def parse_attachment(body: bytes) -> tuple[str, str, bytes]:
     return name, media_type, content
 
 
+def message_head(body: bytes) -> tuple[int, int]:
+    """Channel id and log time (ns) of a message record."""
+    if len(body) < _MESSAGE_HEAD.size:
+        raise RecordError('a message record is too short')
+    channel, _, log_time, _ = _MESSAGE_HEAD.unpack_from(body)
+    return channel, log_time
+
+
 def parse_message(body: bytes) -> RecordedMessage:
     """Parse a message record."""
     if len(body) < _MESSAGE_HEAD.size:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import heapq
 import re
 import struct
+from bisect import bisect_left
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
@@ -91,23 +91,25 @@ class McapScan:
             for channel in self.channels.values()
             if wanted is None or channel.topic in wanted
         }
-        heap: list[tuple[int, str, int, RecordedMessage]] = []
-        order = 0
-        loose = (message for message in self._loose if message.channel_id in topics)
-        for message in sorted(loose, key=lambda message: message.log_time):
-            heapq.heappush(heap, (message.log_time, topics[message.channel_id], order, message))
-            order += 1
+        # Sorted; the third entry keeps the order in the file.
+        held: list[tuple[int, str, int, RecordedMessage]] = [
+            (message.log_time, topics[message.channel_id], order, message)
+            for order, message in enumerate(self._loose)
+            if message.channel_id in topics
+        ]
+        held.sort()
+        order = len(self._loose)
         with self.path.open('rb') as file:
             for chunk in sorted(self._chunks, key=lambda c: (c.start, c.offset)):
-                while heap and heap[0][0] < chunk.start:
-                    yield heapq.heappop(heap)[3]
+                before = bisect_left(held, (chunk.start,))
+                yield from [entry[3] for entry in held[:before]]
+                del held[:before]
                 file.seek(chunk.offset)
                 for message in self._chunk_messages(file.read(chunk.length), chunk.count, topics):
-                    topic = topics[message.channel_id]
-                    heapq.heappush(heap, (message.log_time, topic, order, message))
+                    held.append((message.log_time, topics[message.channel_id], order, message))
                     order += 1
-        while heap:
-            yield heapq.heappop(heap)[3]
+                held.sort()
+        yield from [entry[3] for entry in held]
 
     def _chunk_messages(
         self, body: bytes, count: int, topics: Mapping[int, str]
@@ -197,16 +199,16 @@ class McapScan:
             if self.channels.setdefault(channel.id, channel) != channel:
                 raise RecordError(f'channel {channel.id} ({channel.topic}) comes twice, differing')
         elif opcode == mr.MESSAGE:
-            message = mr.parse_message(record)
-            if message.channel_id not in self.channels:
-                raise RecordError(f'a message names the unknown channel {message.channel_id}')
+            channel_id, log_time = mr.message_head(record)
+            if channel_id not in self.channels:
+                raise RecordError(f'a message names the unknown channel {channel_id}')
             first = not self.counts
-            self.counts[message.channel_id] += 1
-            self.start = message.log_time if first else min(self.start, message.log_time)
-            self.end = max(self.end, message.log_time)
+            self.counts[channel_id] += 1
+            self.start = log_time if first or log_time < self.start else self.start
+            self.end = max(self.end, log_time)
             if keep:
-                self._loose.append(message)
-            return message.log_time
+                self._loose.append(mr.parse_message(record))
+            return log_time
         return None
 
     def _resync(self, file: BinaryIO, at: int) -> int:
