@@ -88,7 +88,7 @@ def figure_4() -> None:
         figure.subplots(2, 3).ravel(), (180, 150, 120, 90, 60, 30), strict=True
     ):
         chain = limited('planar_4r', degrees)
-        draw(axes, chain, slice_map(chain, 'xy', [-2.5, -3.0], [3.5, 3.0], 6))
+        draw(axes, chain, slice_map(chain, 'xy', [-2.2, -3.2], [4.2, 3.2], 6))
         axes.set_title(f'limits ±{degrees}°', fontsize=9)
     figure.suptitle('Figure 4: FTWS of the planar 4R arm with joint limits', fontsize=10)
     save(figure, 4)
