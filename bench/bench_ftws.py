@@ -1,4 +1,4 @@
-"""FTWS: proved verdicts beside sampled ones, growth with joints and order, maps."""
+"""FTWS: proved verdicts beside sampled ones, compiled and scripted with SciPy."""
 
 from __future__ import annotations
 
@@ -8,28 +8,17 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.ftws_arms import limited, planar, spatial
+from bench.ftws_arms import limited
 from bench.ftws_rivals import sampled_verdicts, scipy_verdict
-from ft_manip_ros.core.arm_file import load_dh
-from ft_manip_ros.core.chain import Array, SerialChain
-from ft_manip_ros.core.ftws.map_build import build_map
-from ft_manip_ros.core.ftws.map_frame import map_frame
+from ft_manip_ros.core.chain import Array
 from ft_manip_ros.core.ftws.problem import Problem, goal_rows, prepare
 from ft_manip_ros.core.ftws.query import judge_one, query, warm_up
 from ft_manip_ros.core.ftws.settings import FtwsSettings
-from ft_manip_ros.core.ftws.templates import VOLUME
 from ft_manip_ros.core.ftws.verdict import Verdict
 
 VERDICT = FtwsSettings(intervals=False)
 THREADS = 2
 SCIPY_POINTS = 3
-
-
-def run() -> None:
-    """Print all tables."""
-    slices()
-    growth()
-    maps()
 
 
 def slice_points() -> Array:
@@ -38,7 +27,7 @@ def slice_points() -> Array:
     return np.stack([x.ravel(), np.zeros(x.size), z.ravel()], axis=1)
 
 
-def slices() -> None:
+def run() -> None:
     """Certified against sampled verdicts on slices of Table 1."""
     # CPU time, because wall time on a busy machine says little.
     print(f'27 x 21 slice of Table 1, {THREADS} threads; ms a point = CPU time / points / threads')
@@ -95,53 +84,3 @@ def slices() -> None:
             f'sampling overlooks {wrong} lost points',
             flush=True,
         )
-
-
-def growth() -> None:
-    """Time against joints, order and tolerance."""
-    print('\nmean ms a member / a point within 1.5 times the reach, one thread')
-    rng = np.random.default_rng(1)
-    rows: list[tuple[str, SerialChain, int, float]] = []
-    rows += [(f'spatial {n}R, order 1', spatial(n), 1, 1e-6) for n in range(5, 10)]
-    rows += [(f'planar {n}R, order 1', planar(*[1.0] * n), 1, 1e-6) for n in range(4, 10)]
-    rows += [
-        (f'planar {2 * k + 2}R, order {k}', planar(*[1.0] * (2 * k + 2)), k, 1e-6) for k in (2, 3)
-    ]
-    rows += [('spatial 5R, tolerance 1e-3', spatial(5), 1, 1e-3)]
-    rows += [('spatial 5R, tolerance 1e-9', spatial(5), 1, 1e-9)]
-    for name, chain, order, tolerance in rows:
-        count = {1: 40, 2: 3}.get(order, 1)
-        points = rng.uniform(-1.0, 1.0, (count, 3)) * [1.4, 1.4, 0.0 if 'planar' in name else 1.4]
-        pieces = 100_000 if order < 3 else 20_000
-        settings = FtwsSettings(intervals=False, tolerance=tolerance, pieces=pieces)
-        answers = query(chain, points, order=order, settings=settings)
-        members = [a.elapsed_s for a in answers if a.verdict is Verdict.MEMBER]
-        everything = [a.elapsed_s for a in answers]
-        open_count = sum(a.verdict is Verdict.UNDECIDED for a in answers)
-        mean = f'{np.mean(members) * 1e3:9.2f}' if members else '        -'
-        print(
-            f'{name:<28} {mean} / {np.mean(everything) * 1e3:9.2f}   '
-            f'({len(members)} members, {open_count} undecided of {count})',
-            flush=True,
-        )
-
-
-def maps() -> None:
-    """Volume of Table 1 with bounds, look-up time, memory."""
-    chain = load_dh('paredis_table_1').chain()
-    begin = time.perf_counter()
-    made = build_map(
-        chain, map_frame(chain, 'rz'), low=[0.0, -2.5], high=[2.5, 2.5], depth=10, threads=THREADS
-    )
-    took = time.perf_counter() - begin
-    lower, upper = made.measure()
-    print(
-        f'\nvolume of Table 1 proved between {lower:.4f} and {upper:.4f} '
-        f'(middle {(lower + upper) / 2 / VOLUME - 1:+.3%} of 48.0845), '
-        f'{made.grid.size} cells in {took:.0f} s, {made.grid.nbytes / 2**20:.2f} MiB of cells'
-    )
-    points = np.random.default_rng(2).uniform(-2.0, 2.0, (20_000, 3)).tolist()
-    begin = time.perf_counter()
-    for point in points:
-        made.lookup(point)
-    print(f'look-up: {(time.perf_counter() - begin) / len(points) * 1e6:.2f} us a point')

@@ -1,0 +1,40 @@
+"""FTWS verdicts: how their cost grows with joints, order and tolerance."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from bench.ftws_arms import planar, spatial
+from ft_manip_ros.core.chain import SerialChain
+from ft_manip_ros.core.ftws.query import query
+from ft_manip_ros.core.ftws.settings import FtwsSettings
+from ft_manip_ros.core.ftws.verdict import Verdict
+
+
+def run() -> None:
+    """Time against joints, order and tolerance."""
+    print('mean ms a member / a point within 1.5 times the reach, one thread')
+    rng = np.random.default_rng(1)
+    rows: list[tuple[str, SerialChain, int, float]] = []
+    rows += [(f'spatial {n}R, order 1', spatial(n), 1, 1e-6) for n in range(5, 10)]
+    rows += [(f'planar {n}R, order 1', planar(*[1.0] * n), 1, 1e-6) for n in range(4, 10)]
+    rows += [
+        (f'planar {2 * k + 2}R, order {k}', planar(*[1.0] * (2 * k + 2)), k, 1e-6) for k in (2, 3)
+    ]
+    rows += [('spatial 5R, tolerance 1e-3', spatial(5), 1, 1e-3)]
+    rows += [('spatial 5R, tolerance 1e-9', spatial(5), 1, 1e-9)]
+    for name, chain, order, tolerance in rows:
+        count = {1: 40, 2: 3}.get(order, 1)
+        points = rng.uniform(-1.0, 1.0, (count, 3)) * [1.4, 1.4, 0.0 if 'planar' in name else 1.4]
+        pieces = 100_000 if order < 3 else 20_000
+        settings = FtwsSettings(intervals=False, tolerance=tolerance, pieces=pieces)
+        answers = query(chain, points, order=order, settings=settings)
+        members = [a.elapsed_s for a in answers if a.verdict is Verdict.MEMBER]
+        everything = [a.elapsed_s for a in answers]
+        open_count = sum(a.verdict is Verdict.UNDECIDED for a in answers)
+        mean = f'{np.mean(members) * 1e3:9.2f}' if members else '        -'
+        print(
+            f'{name:<28} {mean} / {np.mean(everything) * 1e3:9.2f}   '
+            f'({len(members)} members, {open_count} undecided of {count})',
+            flush=True,
+        )
