@@ -24,6 +24,7 @@ def warm_up(chain: SerialChain, settings: PlanSettings) -> None:
         goals.append(Goal(position, rotation))
     goals.append(replace(goals[0], free_axis=True))
     goals.append(Goal(goals[1].position))
+    goals.append(replace(goals[0], straight_line=True))
     first = chain.joint_names[0]
     cases: tuple[dict[str, float], ...] = ({}, {first: float(middle[0])})
     prove(chain, _undecided(chain, middle), replace(settings, proof_boxes=2))
