@@ -21,7 +21,7 @@ THREADS = 2
 
 def run() -> None:
     """Print one line for each truth."""
-    for check in (closed_form, limits, planar_truths, dextrous, order_of_asking):
+    for check in (closed_form, limits, planar_truths, dextrous, margins, order_of_asking):
         begin = time.process_time()
         check()
         print(
@@ -134,6 +134,21 @@ def dextrous() -> None:
     points = np.array([[1.0, 0.0, 0.0], [0.5, 0.5, 0.5], [3.0, 0.0, 0.0]])
     for answer in query(load_dh('paredis_table_2').chain(), points, mode='dextrous'):
         print(f'Table 2 at {answer.point}: {answer.verdict.value}: {answer.reason}', flush=True)
+
+
+def margins() -> None:
+    """Members beside joint limits and their proved balls."""
+    rng = np.random.default_rng(5)
+    settings = FtwsSettings(intervals=False, margin=True)
+    for arm, degrees, span in (('paredis_table_3', 150.0, 0.8), ('paredis_table_1', 170.0, 1.5)):
+        points = rng.uniform(-span, span, (60, 3))
+        answers = query(limited(arm, degrees), points, settings=settings, threads=THREADS)
+        balls = np.array([a.margin for a in answers if a.verdict is Verdict.MEMBER])
+        print(
+            f'{arm} at ±{degrees:g}°: {len(balls)} members, {(balls > 0.0).sum()} with a proved '
+            f'ball, smallest {balls.min() * 1e3:.2g} mm, median {np.median(balls) * 1e3:.2g} mm',
+            flush=True,
+        )
 
 
 def order_of_asking(total: int = 300) -> None:

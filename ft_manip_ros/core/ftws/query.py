@@ -182,11 +182,11 @@ def proved_ball(problem: Problem, goal: Array, effort: Effort) -> float:
     Balls are tried from large to small, each with one covering of its own.
     """
     radius = _LARGEST_BALL * problem.task.length
-    for _ in range(_BALLS):
-        modest = effort._replace(
-            radius=radius, smallest_gap=1e-3, boxes=1, pieces=2000, intervals=False
-        )
-        if run_engine(problem, goal[None], modest).verdicts[0] == MEMBER:
+    modest = effort._replace(smallest_gap=1e-3, boxes=1, pieces=2000, intervals=False)
+    for ball in range(_BALLS):
+        # What is left to the last few is near the boundary and takes all the effort.
+        judging = modest if ball < _BALLS - 4 else effort._replace(intervals=False)
+        if run_engine(problem, goal[None], judging._replace(radius=radius)).verdicts[0] == MEMBER:
             return max(radius, effort.radius)
         radius *= 0.5
     return effort.radius
