@@ -28,7 +28,8 @@ _LEAST_WAY = 0.15
 # Time for the service call that arranges the failure, and for the monitor to see the arm (s).
 _LEAD = 0.4
 _SECOND = 1_000_000_000
-_SETTLING = 0.6  # s, after the last planned motion
+# After the last planned motion; the re-planner goes again to what was missed within half of it.
+_SETTLING = 1.0  # s
 _PROOF_TIME = 5.0  # s
 _ATTEMPTS = 3
 _FATES = {

@@ -35,8 +35,9 @@ def latched(depth: int = 1) -> QoSProfile:
 
 # Best effort: a late sample of a joint is worth nothing.
 SENSOR_QOS: Final = qos_profile_sensor_data
-# On recorded time a late sample is worth as much as any, and a lost one is lost evidence: room for
-# a machine that stutters. Not on the wall clock, by which commands without a stamp are timed.
+# On recorded time, and for a story told afterwards, a late sample is worth as much as any, and a
+# lost one is lost evidence: room for a machine that stutters. Not where commands without a stamp
+# are timed by the wall clock.
 REPLAY_QOS: Final = QoSProfile(
     history=HistoryPolicy.KEEP_LAST,
     depth=500,
