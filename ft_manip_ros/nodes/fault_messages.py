@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -140,3 +141,16 @@ def fault_markers(
             marker.color.g = 0.0 if report.state == JointState.RUNAWAY else 0.4
             message.markers.append(marker)
     return message
+
+
+def desired_positions(message: Any) -> Sequence[float]:
+    """Commanded positions of a control_msgs/JointTrajectoryControllerState, rad or m.
+
+    The fields ``desired`` were renamed to ``reference`` between distributions; some have both and
+    fill one of them.
+    """
+    for name in ('reference', 'desired'):
+        wanted = getattr(message, name, None)
+        if wanted is not None and len(wanted.positions):
+            return list(wanted.positions)
+    return []

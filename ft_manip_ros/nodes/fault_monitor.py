@@ -29,6 +29,7 @@ from ft_manip_ros.nodes.arm_model import load_arm_parameter
 from ft_manip_ros.nodes.conversions import nanoseconds, seconds
 from ft_manip_ros.nodes.fault_messages import (
     NODE,
+    desired_positions,
     diagnostics_message,
     fault_markers,
     fault_message,
@@ -188,10 +189,11 @@ class FaultMonitorNode(ManagedNode):
         self._commanded = True
 
     def _on_controller_state(self, message: Any, arrival: int) -> None:
-        # The desired fields were renamed to reference between distributions.
-        wanted = getattr(message, 'reference', None) or message.desired
         self._feed.reference(
-            nanoseconds(message.header.stamp), arrival, message.joint_names, wanted.positions
+            nanoseconds(message.header.stamp),
+            arrival,
+            message.joint_names,
+            desired_positions(message),
         )
         self._commanded = True
 

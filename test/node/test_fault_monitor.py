@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ from ft_manip_ros.core.arm_file import load_arm
 from ft_manip_ros.core.detection.settings import MonitorSettings
 from ft_manip_ros.nodes import topics
 from ft_manip_ros.nodes.conversions import seconds, stamp
+from ft_manip_ros.nodes.fault_messages import desired_positions
 
 pytestmark = pytest.mark.node
 
@@ -249,6 +251,71 @@ def test_garbage_leaves_the_node_alive_and_its_state_held(start_node, probe):
     )
     assert list(faults[-1].frozen_joints) == ['joint_5']
     assert node.running
+
+
+def test_a_hail_of_random_messages_leaves_the_node_alive_and_its_faults_held(start_node, probe):
+    node = start_node('fault_monitor', params={'reference_topic': 'references'})
+    faults = probe.listen(FaultState, topics.FAULT_STATE, topics.LATCHED_QOS)
+    states = probe.publisher(JointState, topics.JOINT_STATES, topics.SENSOR_QOS)
+    references = probe.publisher(JointState, 'references', topics.SENSOR_QOS)
+    commands = probe.publisher(JointTrajectory, topics.JOINT_TRAJECTORY, topics.COMMAND_QOS)
+    publishers = (states, references, commands)
+    probe.until(
+        lambda: faults and all(p.get_subscription_count() for p in publishers), 60.0, 'the node'
+    )
+    frozen = FreezeJoint.Request(joint='joint_2', position=0.125, reason='by hand')
+    assert probe.call(FreezeJoint, topics.FREEZE_JOINT, frozen).success
+    rng = np.random.default_rng(11)
+    odd = [math.nan, math.inf, -math.inf, 1e308, 253.0, 0.0, -0.5]
+
+    def numbers():
+        count = rng.integers(0, 7)
+        return [float(rng.choice([*odd, rng.normal()])) for _ in range(count)]
+
+    def names():
+        return [str(rng.choice([*NAMES, 'wrist', ''])) for _ in range(rng.integers(0, 7))]
+
+    for k in range(300):
+        at = stamp(int(rng.choice([0, 10**18 + k * 10**7, rng.integers(0, 2**61)])))
+        if k % 3 < 2:
+            message = JointState(
+                name=names(), position=numbers(), velocity=numbers(), effort=numbers()
+            )
+        else:
+            points = [
+                JointTrajectoryPoint(
+                    positions=numbers(),
+                    velocities=numbers(),
+                    time_from_start=Duration(sec=int(rng.integers(-5, 5))),
+                )
+                for _ in range(rng.integers(0, 4))
+            ]
+            message = JointTrajectory(joint_names=names(), points=points)
+        message.header.stamp = at
+        publishers[k % 3].publish(message)
+        probe.spin_for(0.002)
+    again = FreezeJoint.Request(joint='joint_5', position=0.5, reason='still listening')
+    assert probe.call(FreezeJoint, topics.FREEZE_JOINT, again).success
+    probe.until(
+        lambda: {'joint_2', 'joint_5'} <= set(faults[-1].frozen_joints), 10.0, 'both locks'
+    )
+    held = dict(zip(faults[-1].frozen_joints, faults[-1].frozen_positions, strict=True))
+    assert (held['joint_2'], held['joint_5']) == (0.125, 0.5)
+    assert node.running
+
+
+@pytest.mark.parametrize(
+    ('fields', 'wanted'),
+    [
+        ({'reference': [1.0, 2.0]}, [1.0, 2.0]),
+        ({'desired': [3.0]}, [3.0]),
+        ({'reference': [], 'desired': [4.0]}, [4.0]),
+        ({'reference': []}, []),
+    ],
+)
+def test_desired_fields_of_a_controller_state_are_read_under_either_name(fields, wanted):
+    points = {name: JointTrajectoryPoint(positions=values) for name, values in fields.items()}
+    assert desired_positions(SimpleNamespace(**points)) == wanted
 
 
 def test_faults_survive_a_restart_and_are_shown(start_node, probe, tmp_path):
