@@ -69,28 +69,7 @@ def test_the_papers_points_are_members_and_a_far_one_has_a_true_witness(ask, pro
     assert colors[3].r > colors[3].g
 
 
-@pytest.mark.parametrize(
-    ('points', 'fields', 'complaint'),
-    [
-        ([(math.nan, 0.0, 0.0)], {}, 'poses[0].position'),
-        ([EQ_11[0], (0.0, math.inf, 0.0)], {}, 'poses[1].position'),
-        (EQ_11 * 4_000, {}, 'at most 10000'),
-        (EQ_11, {'mode': 'sideways'}, 'position, pose, dextrous'),
-        (EQ_11, {'order': 9}, 'order'),
-        (EQ_11, {'tolerance': -1.0}, 'tolerance'),
-        (EQ_11, {'tolerance': math.nan}, 'tolerance'),
-        (EQ_11, {'time_budget': -1.0}, 'time_budget'),
-        ([(0.5, 0.0, 0.5, 3.0)], {'mode': 'pose'}, 'poses[0].orientation'),
-    ],
-)
-def test_nonsense_is_refused_by_field(ask_once, points, fields, complaint):
-    response = ask_once(points, **fields)
-    assert not response.success
-    assert complaint in response.message
-    assert not response.answers
-
-
-@pytest.fixture(scope='module')
+@pytest.fixture(scope='class')
 def ask_once(ros_domain):
     """One node for all the requests that it has to survive."""
     from support.probe import Probe
@@ -111,10 +90,33 @@ def ask_once(ros_domain):
     assert not node.clean_up()
 
 
-def test_no_points_is_a_fair_question(ask_once):
-    response = ask_once([])
-    assert response.success
-    assert not response.answers
+class TestOneNodeForAll:
+    """Requests that one and the same node survives; it is gone before others start."""
+
+    @pytest.mark.parametrize(
+        ('points', 'fields', 'complaint'),
+        [
+            ([(math.nan, 0.0, 0.0)], {}, 'poses[0].position'),
+            ([EQ_11[0], (0.0, math.inf, 0.0)], {}, 'poses[1].position'),
+            (EQ_11 * 4_000, {}, 'at most 10000'),
+            (EQ_11, {'mode': 'sideways'}, 'position, pose, dextrous'),
+            (EQ_11, {'order': 9}, 'order'),
+            (EQ_11, {'tolerance': -1.0}, 'tolerance'),
+            (EQ_11, {'tolerance': math.nan}, 'tolerance'),
+            (EQ_11, {'time_budget': -1.0}, 'time_budget'),
+            ([(0.5, 0.0, 0.5, 3.0)], {'mode': 'pose'}, 'poses[0].orientation'),
+        ],
+    )
+    def test_nonsense_is_refused_by_field(self, ask_once, points, fields, complaint):
+        response = ask_once(points, **fields)
+        assert not response.success
+        assert complaint in response.message
+        assert not response.answers
+
+    def test_no_points_is_a_fair_question(self, ask_once):
+        response = ask_once([])
+        assert response.success
+        assert not response.answers
 
 
 def test_a_huge_batch_keeps_its_budget_and_blocks_nobody(ask, probe):
