@@ -9,7 +9,7 @@ from ft_manip_ros.core.design.settings import DesignSettings
 from ft_manip_ros.core.goal import DesignSpec, Goal, Task
 
 TASKS = 4
-BUDGET = 15.0
+BUDGET = 60.0
 SMALL_BUDGET = 5.0
 LIMITS_DEG = (180, 150, 120)
 POINTS = (3, 5, 10)
