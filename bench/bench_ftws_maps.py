@@ -20,7 +20,7 @@ def run() -> None:
     chain = load_dh('paredis_table_1').chain()
     begin = time.perf_counter()
     made = build_map(
-        chain, map_frame(chain, 'rz'), low=[0.0, -2.5], high=[2.5, 2.5], depth=10, threads=THREADS
+        chain, map_frame(chain, 'rz'), low=[0.0, -2.1], high=[2.1, 2.1], depth=10, threads=THREADS
     )
     took = time.perf_counter() - begin
     lower, upper = made.measure()
