@@ -124,7 +124,12 @@ class McapScan:
                     yield mr.parse_message(record)
 
     def _scan(self, file: BinaryIO) -> None:
-        if file.read(len(mr.MAGIC)) != mr.MAGIC:
+        mark = file.read(len(mr.MAGIC))
+        if len(mark) < len(mr.MAGIC) and mr.MAGIC.startswith(mark):
+            # A recorder that is killed just when it begins a file leaves it so.
+            self._note(0, 'the file was begun and nothing was written to it')
+            return
+        if mark != mr.MAGIC:
             raise InputError(f'bag file {self.path}', 'is no MCAP file (it lacks the MCAP mark)')
         at = len(mr.MAGIC)
         while at < self._size:

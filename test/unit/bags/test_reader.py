@@ -61,6 +61,15 @@ def test_a_truncated_file_gives_its_beginning_and_says_so(tmp_path: Path, keep: 
     assert not bag.sources[0].finished
 
 
+@pytest.mark.parametrize('begun', [b'', b'\x89MCAP'])
+def test_a_file_that_was_only_begun_costs_nothing_else(tmp_path: Path, begun: bytes) -> None:
+    (write_bag(tmp_path / 'bag') / 'bag_1.mcap').write_bytes(begun)
+    (tmp_path / 'bag' / 'metadata.yaml').unlink()
+    assert texts(tmp_path / 'bag') == EXPECTED
+    notes = open_bag(tmp_path / 'bag').notes
+    assert any('bag_1.mcap' in note and 'nothing was written' in note for note in notes)
+
+
 def test_a_damaged_chunk_costs_only_itself(tmp_path: Path) -> None:
     file = write_bag(tmp_path / 'bag') / 'bag_0.mcap'
     data = bytearray(file.read_bytes())
@@ -161,7 +170,7 @@ def test_missing_bags_are_named(tmp_path: Path, make: object, problem: str) -> N
 @pytest.mark.parametrize(
     ('name', 'content', 'problem'),
     [
-        ('x.mcap', b'', 'no MCAP file'),
+        ('x.mcap', b'\x89MCAP1', 'no MCAP file'),
         ('x.mcap', b'SQLite format 3\0', 'no MCAP file'),
         ('x.db3', b'\x89MCAP0\r\n' * 100, 'no rosbag2 database'),
         ('x.bag', b'#ROSBAG V2.0\n', r'neither \.mcap nor \.db3'),
