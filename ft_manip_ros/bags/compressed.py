@@ -32,7 +32,7 @@ class UnpackedFile:
     Raises
     ------
     InputError
-        If the file cannot be read, or there is no room to unpack it.
+        If the file cannot be read, nothing in it unpacks, or there is no room to unpack it.
     """
 
     def __init__(self, path: Path) -> None:
@@ -48,6 +48,10 @@ class UnpackedFile:
                     while block := reader.read(_BLOCK):
                         unpacked.write(block)
                 except zstandard.ZstdError as error:
+                    if not unpacked.tell():
+                        raise InputError(
+                            f'bag file {path}', f'does not unpack to an MCAP or db3 file ({error})'
+                        ) from None
                     self.problem = f'does not unpack to its end ({error})'
         except OSError as error:
             raise InputError(f'bag file {path}', f'cannot be unpacked: {error.strerror}') from None

@@ -15,7 +15,7 @@ from ft_manip_ros.core.detection.monitor import FaultMonitor
 from ft_manip_ros.core.detection.settings import MonitorSettings
 from ft_manip_ros.core.detection.states import Edge, JointState
 from ft_manip_ros.core.errors import InputError
-from ft_manip_ros.nodes.conversions import nanoseconds, seconds
+from ft_manip_ros.nodes.conversions import nanoseconds, trajectory_points
 
 NODE = 'fault_monitor'
 SETTINGS = {item.name for item in fields(MonitorSettings)}
@@ -50,6 +50,8 @@ class FaultReplay:
                 'trajectory_msgs/msg/JointTrajectory',
                 self._on_trajectory,
             ),
+            ('replanner/task_plan', 'ft_manip_interfaces/msg/RecoveryPlan', self._on_plan),
+            ('recovery_plan', 'ft_manip_interfaces/msg/RecoveryPlan', self._on_plan),
             (reference, 'sensor_msgs/msg/JointState', self._on_reference),
             ('fault_state', 'ft_manip_interfaces/msg/FaultState', self._on_state),
             ('fault_events', 'ft_manip_interfaces/msg/JointFault', self._on_recorded),
@@ -100,12 +102,19 @@ class FaultReplay:
         self._note(edges)
 
     def _on_trajectory(self, record: BagMessage, message: Any) -> None:
-        points = [
-            (seconds(p.time_from_start), p.positions, p.velocities, p.accelerations)
-            for p in message.points
-        ]
         self._feed.trajectory(
-            nanoseconds(message.header.stamp), record.log_time, message.joint_names, points
+            nanoseconds(message.header.stamp),
+            record.log_time,
+            message.joint_names,
+            trajectory_points(message),
+        )
+
+    def _on_plan(self, record: BagMessage, message: Any) -> None:
+        self._feed.planned(
+            nanoseconds(message.trajectory.header.stamp),
+            record.log_time,
+            message.trajectory.joint_names,
+            trajectory_points(message.trajectory),
         )
 
     def _on_reference(self, record: BagMessage, message: Any) -> None:

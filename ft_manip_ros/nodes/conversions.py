@@ -12,6 +12,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from ft_manip_interfaces.msg import DhParameters, TaskGoal
 from ft_manip_interfaces.msg import Task as TaskMessage
 from ft_manip_ros.core.chain import Array, Joint
+from ft_manip_ros.core.detection.commands import TrajectoryPoint
 from ft_manip_ros.core.dh import DhTable
 from ft_manip_ros.core.errors import InputError
 from ft_manip_ros.core.goal import (
@@ -196,6 +197,14 @@ def trajectory_to_message(trajectory: Trajectory, ns: int = 0) -> JointTrajector
         )
     ]
     return message
+
+
+def trajectory_points(message: JointTrajectory) -> list[TrajectoryPoint]:
+    """Points as the fault monitor takes them: times (s) and values as they were sent."""
+    return [
+        (seconds(point.time_from_start), point.positions, point.velocities, point.accelerations)
+        for point in message.points
+    ]
 
 
 def path_from_message(message: JointTrajectory, joint_names: Sequence[str]) -> JointPath:

@@ -16,7 +16,7 @@ from sensor_msgs.msg import JointState as JointStateMessage
 from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import MarkerArray
 
-from ft_manip_interfaces.msg import FaultState, JointFault
+from ft_manip_interfaces.msg import FaultState, JointFault, RecoveryPlan
 from ft_manip_interfaces.srv import ClearFault, FreezeJoint
 from ft_manip_ros.core.detection.feed import MonitorFeed
 from ft_manip_ros.core.detection.monitor import FaultMonitor
@@ -26,7 +26,7 @@ from ft_manip_ros.core.detection.states import LATCHED, Edge
 from ft_manip_ros.core.detection.warm_up import warm_up
 from ft_manip_ros.nodes import topics
 from ft_manip_ros.nodes.arm_model import load_arm_parameter
-from ft_manip_ros.nodes.conversions import nanoseconds, seconds
+from ft_manip_ros.nodes.conversions import nanoseconds, trajectory_points
 from ft_manip_ros.nodes.fault_messages import (
     NODE,
     desired_positions,
@@ -93,6 +93,9 @@ class FaultMonitorNode(ManagedNode):
             topics.COMMAND_QOS,
             timed=True,
         )
+        # A trajectory is lost on a listener that its sender has not discovered; these are kept.
+        for report in (topics.TASK_PLAN, topics.RECOVERY_PLAN):
+            self.subscribe(RecoveryPlan, report, self._on_plan, topics.LATCHED_QOS, timed=True)
         if self.param('reference_topic'):
             self.subscribe(
                 JointStateMessage,
@@ -168,19 +171,21 @@ class FaultMonitorNode(ManagedNode):
             self._tell(edges, self._stamp)
 
     def _on_trajectory(self, message: JointTrajectory, arrival: int) -> None:
-        points = [
-            (
-                seconds(point.time_from_start),
-                point.positions,
-                point.velocities,
-                point.accelerations,
-            )
-            for point in message.points
-        ]
         self._feed.trajectory(
-            nanoseconds(message.header.stamp), arrival, message.joint_names, points
+            nanoseconds(message.header.stamp),
+            arrival,
+            message.joint_names,
+            trajectory_points(message),
         )
         self._commanded = True
+
+    def _on_plan(self, message: RecoveryPlan, arrival: int) -> None:
+        self._feed.planned(
+            nanoseconds(message.trajectory.header.stamp),
+            arrival,
+            message.trajectory.joint_names,
+            trajectory_points(message.trajectory),
+        )
 
     def _on_reference(self, message: JointStateMessage, arrival: int) -> None:
         self._feed.reference(

@@ -75,7 +75,7 @@ class Replanner(ManagedNode):
         self._frame = ''
         self._described: dict[str, float] = {}
         self._trajectories = self.advertise(
-            JointTrajectory, topics.JOINT_TRAJECTORY, topics.COMMAND_QOS
+            JointTrajectory, topics.JOINT_TRAJECTORY, topics.TRAJECTORY_QOS
         )
         self._plans = self.advertise(RecoveryPlan, topics.RECOVERY_PLAN, topics.LATCHED_QOS)
         self._task_plans = self.advertise(RecoveryPlan, TASK_PLAN, topics.LATCHED_QOS)

@@ -45,6 +45,8 @@ REPLAY_QOS: Final = QoSProfile(
     durability=DurabilityPolicy.VOLATILE,
 )
 COMMAND_QOS: Final = reliable(10)
+# Controllers ask for less; a recorder that is discovered late still gets the latest command.
+TRAJECTORY_QOS: Final = latched(10)
 EVENT_QOS: Final = reliable(100)
 LATCHED_QOS: Final = latched()
 # A search may be over before anyone has joined, and none of its candidates may be missed.

@@ -14,7 +14,7 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from visualization_msgs.msg import Marker, MarkerArray
 
-from ft_manip_interfaces.msg import FaultState, JointFault
+from ft_manip_interfaces.msg import FaultState, JointFault, RecoveryPlan
 from ft_manip_interfaces.srv import ClearFault, FreezeJoint, InjectFault
 from ft_manip_ros.core.arm_file import load_arm
 from ft_manip_ros.core.detection.settings import MonitorSettings
@@ -316,6 +316,28 @@ def test_a_hail_of_random_messages_leaves_the_node_alive_and_its_faults_held(sta
 def test_desired_fields_of_a_controller_state_are_read_under_either_name(fields, wanted):
     points = {name: JointTrajectoryPoint(positions=values) for name, values in fields.items()}
     assert desired_positions(SimpleNamespace(**points)) == wanted
+
+
+def test_a_motion_commanded_before_it_listened_is_known_from_the_plan(start_node, probe):
+    report = RecoveryPlan(trajectory=motion([0.5] * 5, 600.0))
+    report.trajectory.header.stamp = probe.node.get_clock().now().to_msg()
+    plans = probe.node.create_publisher(RecoveryPlan, topics.TASK_PLAN, topics.LATCHED_QOS)
+    plans.publish(report)
+    start_node('fault_monitor')
+    faults = probe.listen(FaultState, topics.FAULT_STATE, topics.LATCHED_QOS)
+    states = probe.publisher(JointState, topics.JOINT_STATES, topics.SENSOR_QOS)
+
+    def commanded():
+        state = JointState(name=NAMES, position=[0.0] * 5)
+        state.header.stamp = probe.node.get_clock().now().to_msg()
+        states.publish(state)
+        answer = probe.call(FreezeJoint, topics.FREEZE_JOINT, FreezeJoint.Request(joint='?'))
+        assert not answer.success
+        known = [joint.commanded_position for joint in faults[-1].joints] if faults else []
+        return known and all(0.0 <= value < 0.5 for value in known)
+
+    probe.until(commanded, 30.0, 'the command to be known')
+    probe.node.destroy_publisher(plans)
 
 
 def test_faults_survive_a_restart_and_are_shown(start_node, probe, tmp_path):

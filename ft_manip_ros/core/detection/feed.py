@@ -15,6 +15,7 @@ from ft_manip_ros.core.detection.monitor import FaultMonitor
 from ft_manip_ros.core.detection.states import Edge
 from ft_manip_ros.core.errors import InputError
 
+_SECOND = 1_000_000_000
 _RECENT = 1_000_000_000  # ns, how old the latest sample may be to tell the samples' clock
 Array = NDArray[np.float64]
 
@@ -33,6 +34,8 @@ class MonitorFeed:
         self.ignored: set[str] = set()
         self._latest: tuple[int, int] | None = None
         self._stamped = False
+        self._newest = 0
+        self._from_plan = 0
 
     def joint_state(
         self,
@@ -117,8 +120,28 @@ class MonitorFeed:
         points: Iterable[TrajectoryPoint],
     ) -> None:
         """Take a trajectory; stamp 0 means that it starts as it arrives."""
+        if stamp != 0 and stamp == self._from_plan:
+            return
         start = stamp if stamp != 0 else self.on_sample_clock(arrival)
         self.monitor.trajectory(start, names, list(points))
+        self._newest = start
+
+    def planned(
+        self, stamp: int, arrival: int, names: Sequence[str], points: Iterable[TrajectoryPoint]
+    ) -> None:
+        """Take the trajectory in a plan's report, where the one sent to the controller was missed.
+
+        Reports are kept for those who listen late, trajectories are not. One that is not newer
+        than the newest command, or whose motion is over, says nothing.
+        """
+        points = list(points)
+        if stamp <= self._newest or not points:
+            return
+        end = stamp + round(points[-1][0] * _SECOND)
+        if self._latest is not None and end < self._latest[0]:
+            return
+        self.trajectory(stamp, arrival, names, points)
+        self._from_plan = stamp
 
     def reference(
         self, stamp: int, arrival: int, names: Sequence[str], positions: Sequence[float]

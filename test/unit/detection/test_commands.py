@@ -117,6 +117,32 @@ def test_a_trajectory_without_stamp_starts_on_the_clock_of_the_samples():
     assert monitor.states()[0].commanded_position == pytest.approx(0.495, abs=1e-9)
 
 
+def test_a_missed_trajectory_is_taken_from_the_report_of_its_plan():
+    monitor = FaultMonitor(['a'])
+    feed = MonitorFeed(monitor)
+
+    def command(at):
+        feed.joint_state(round(at * 1e9), round(at * 1e9), ['a'], [0.0])
+        return monitor.states()[0].commanded_position
+
+    feed.joint_state(10**9, 10**9, ['a'], [0.0])
+    motion = [(0.0, [0.0], [], []), (1.0, [1.0], [], [])]
+    back = [(0.0, [1.0], [], []), (1.0, [0.0], [], [])]
+    # One that is over says nothing, and neither does one without a stamp or without points.
+    feed.planned(10**7, 10**9, ['a'], [(0.0, [5.0], [], []), (0.1, [6.0], [], [])])
+    feed.planned(0, 10**9, ['a'], motion)
+    feed.planned(2 * 10**9, 10**9, ['a'], [])
+    assert math.isnan(command(1.01))
+    feed.planned(2 * 10**9, 10**9, ['a'], motion)
+    assert command(2.5) == pytest.approx(0.5)
+    # The one sent comes late after all; then the next one comes first, and its report is no news.
+    feed.trajectory(2 * 10**9, 26 * 10**8, ['a'], motion)
+    assert command(2.75) == pytest.approx(0.75)
+    feed.trajectory(3 * 10**9, 3 * 10**9, ['a'], back)
+    feed.planned(2 * 10**9, 3 * 10**9, ['a'], motion)
+    assert command(3.25) == pytest.approx(0.75)
+
+
 def test_a_driver_that_never_stamps_is_timed_by_arrival():
     monitor = FaultMonitor(['a'])
     feed = MonitorFeed(monitor)
