@@ -94,7 +94,7 @@ def test_another_ros_is_refused(checkout: Path) -> None:
 @needs_system_python
 def test_no_network_is_said_and_leaves_nothing_that_looks_whole(checkout: Path) -> None:
     index = {
-        'PIP_INDEX_URL': 'http://127.0.0.1:9/simple',
+        'PIP_INDEX_URL': 'http://127.0.0.1:9',
         'PIP_RETRIES': '0',
         'PIP_NO_CACHE_DIR': '1',
     }
