@@ -138,14 +138,14 @@ class Bag:
 def open_bag(path: Path | str) -> Bag:
     """Open a rosbag2 folder or a single .mcap or .db3 file, also packed (.zstd).
 
+    A folder around a single bag, such as a case of the library, is as good as the bag.
+
     Raises
     ------
     InputError
         If there is no bag; the message says what was looked for.
     """
-    path = Path(path)
-    if not path.exists():
-        raise InputError(f'bag {path}', 'does not exist')
+    path = _bag_itself(Path(path))
     notes: list[str] = []
     custom: dict[str, str] = {}
     if path.is_file():
@@ -165,7 +165,7 @@ def open_bag(path: Path | str) -> Bag:
         notes.append(f'{FILE_NAME} is missing (the recorder was not closed in order)')
         files = _storage_files(path)
     if not files:
-        raise InputError(f'bag {path}', 'holds no .mcap or .db3 file')
+        raise InputError(f'bag {path}', _without_files(path))
     opened = [_open_storage(file) for file in files]
     bag = Bag(path, [source for source, _ in opened])
     bag.unpacked = [unpacked for _, unpacked in opened if unpacked is not None]
@@ -174,6 +174,31 @@ def open_bag(path: Path | str) -> Bag:
         name, _, entry = key.rpartition(':')
         bag.provenance.setdefault(name, {}).setdefault(entry, value)
     return bag
+
+
+def _bag_itself(path: Path) -> Path:
+    """Return the path, or the one bag in a folder that is none itself."""
+    if not path.exists():
+        raise InputError(f'bag {path}', 'does not exist')
+    if path.is_dir() and not _is_bag(path):
+        inside = _bags_in(path)
+        if len(inside) == 1:
+            return inside[0]
+    return path
+
+
+def _is_bag(folder: Path) -> bool:
+    return (folder / FILE_NAME).is_file() or bool(_storage_files(folder))
+
+
+def _bags_in(folder: Path) -> list[Path]:
+    return sorted(path for path in folder.iterdir() if path.is_dir() and _is_bag(path))
+
+
+def _without_files(folder: Path) -> str:
+    problem = 'holds no .mcap or .db3 file'
+    inside = [path.name for path in _bags_in(folder)]
+    return f'{problem}; there are bags in it: {", ".join(inside)}' if inside else problem
 
 
 def _storage_files(folder: Path) -> list[Path]:

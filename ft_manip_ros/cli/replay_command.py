@@ -83,7 +83,7 @@ def run(args: argparse.Namespace) -> int:
     )
     expected = args.expected
     if expected is None and args.check and not args.override:
-        beside = args.bag.parent / 'expected.yaml'
+        beside = bag.path.parent / 'expected.yaml'
         expected = beside if beside.is_file() else None
     problems = check_expected(expected, result) if expected else []
     if args.json:

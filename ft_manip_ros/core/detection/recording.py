@@ -193,16 +193,22 @@ def _numbers(
                 [bool(cell) and not cell.isspace() for cell in row],
             )
         except ValueError:
-            raise InputError(f'{path}: line {line}: {_bad_cell(row, header)}', '') from None
+            column, cell = next(
+                (name, cell) for name, cell in zip(header, row, strict=True) if not _fits(cell)
+            )
+            raise InputError(
+                f'{path}: line {line}',
+                f'column {column!r} is {cell!r}; a number or nothing is needed',
+            ) from None
 
 
-def _bad_cell(row: Sequence[str], header: Sequence[str]) -> str:
-    for cell, name in zip(row, header, strict=True):
-        try:
-            float(cell or 'nan')
-        except ValueError:
-            return f'column {name!r} is {cell!r}; a number or nothing is needed'
-    return 'has a cell that is no number'
+def _fits(cell: str) -> bool:
+    """Whether a cell is a number or empty."""
+    try:
+        float(cell.strip() or 'nan')
+    except ValueError:
+        return False
+    return True
 
 
 def _hold(commands: Array) -> None:

@@ -167,6 +167,20 @@ def test_missing_bags_are_named(tmp_path: Path, make: object, problem: str) -> N
     assert str(path) in str(caught.value)
 
 
+def test_a_folder_around_one_bag_is_as_good_as_the_bag(tmp_path: Path) -> None:
+    write_bag(tmp_path / 'case' / 'bag')
+    (tmp_path / 'case' / 'plots').mkdir()
+    assert open_bag(tmp_path / 'case').path == tmp_path / 'case' / 'bag'
+    assert texts(tmp_path / 'case') == EXPECTED
+
+
+def test_of_several_bags_in_a_folder_none_is_chosen(tmp_path: Path) -> None:
+    for name in ('first', 'second'):
+        write_bag(tmp_path / 'runs' / name)
+    with pytest.raises(InputError, match='there are bags in it: first, second'):
+        open_bag(tmp_path / 'runs')
+
+
 @pytest.mark.parametrize(
     ('name', 'content', 'problem'),
     [
