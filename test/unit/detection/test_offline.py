@@ -71,7 +71,7 @@ def test_empty_cells_mean_not_in_this_sample(tmp_path):
         ('time,position.a,command.b\n', "column 'command.b'"),
         ('time,position.a\n', 'no rows'),
         ('time,position.a\n0.0\n', 'line 2: has 1 cells; the header has 2'),
-        ('time,position.a\n0.0,x\n', "line 2: column 'position.a' is 'x'; a number or nothing is needed"),
+        ('time,position.a\n0.0,x\n', "column 'position.a' is 'x'; a number or nothing"),
         ('time,position.a\n0.0,1\nnan,1\n', 'line 3: time: is nan'),
     ],
 )
