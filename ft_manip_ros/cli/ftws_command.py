@@ -5,18 +5,21 @@ from __future__ import annotations
 import argparse
 import json
 import os
+from functools import partial
 from typing import Any
 
 import numpy as np
 from tqdm import tqdm
 
 from ft_manip_ros.core.arm_file import load_arm
-from ft_manip_ros.core.chain import SerialChain
+from ft_manip_ros.core.chain import Array, SerialChain
 from ft_manip_ros.core.errors import InputError
 from ft_manip_ros.core.ftws.certificate import certify, save_certificate
+from ft_manip_ros.core.ftws.ftws_map import FtwsMap, load_map
 from ft_manip_ros.core.ftws.map_build import build_map
 from ft_manip_ros.core.ftws.map_frame import GRIDS, map_frame
 from ft_manip_ros.core.ftws.map_plot import plot_map
+from ft_manip_ros.core.ftws.map_query import query_with_map
 from ft_manip_ros.core.ftws.point_file import read_points
 from ft_manip_ros.core.ftws.query import query
 from ft_manip_ros.core.ftws.settings import FtwsSettings
@@ -50,6 +53,11 @@ def add_parser(subparsers: Any) -> None:
     parser.add_argument('--threads', type=int, default=os.cpu_count() or 1)
     parser.add_argument('--margin', action='store_true', help='also find the proved ball')
     parser.add_argument('--certificate', metavar='FILE', help='keep the proofs (JSON)')
+    parser.add_argument(
+        '--lookup',
+        metavar='MAP.npz',
+        help='ask this map (of --grid ... --map) first, the engine only where it does not know',
+    )
     _add_map_options(parser.add_argument_group('maps'))
     parser.add_argument('--json', action='store_true', help='one JSON object a line')
 
@@ -84,6 +92,9 @@ def run(args: argparse.Namespace) -> int:
         raise InputError('--point', 'mixes positions and poses; give 3 numbers each, or 7 each')
     rows = np.array(points)
     settings = FtwsSettings(tolerance=args.tolerance, seed=args.seed, margin=args.margin)
+    ask = partial(query, arm, order=args.order, mode=args.mode)
+    if args.lookup:
+        ask = partial(query_with_map, _map_for(args, arm, rows), arm)
     if args.certificate:
         results, document = certify(arm, rows, order=args.order, mode=args.mode, settings=settings)
         save_certificate(document, args.certificate)
@@ -91,12 +102,20 @@ def run(args: argparse.Namespace) -> int:
             print(json.dumps(result.to_json()) if args.json else describe(result), flush=True)
         return 0
     for start in range(0, len(rows), _BATCH):
-        for result in query(
-            arm, rows[start : start + _BATCH], order=args.order, mode=args.mode,
-            settings=settings, threads=args.threads,
-        ):  # fmt: skip
+        batch = rows[start : start + _BATCH]
+        for result in ask(batch, settings=settings, threads=args.threads):
             print(json.dumps(result.to_json()) if args.json else describe(result), flush=True)
     return 0
+
+
+def _map_for(args: argparse.Namespace, arm: SerialChain, rows: Array) -> FtwsMap:
+    """Map of ``--lookup``, if it can answer what is asked."""
+    if args.mode != 'position' or rows.shape[1] != 3 or args.margin or args.certificate:
+        raise InputError('--lookup', 'answers positions, without margins and certificates')
+    ftws_map = load_map(args.lookup, arm)
+    if ftws_map.order != args.order:
+        raise InputError('--order', f'is {args.order}; the map is of order {ftws_map.order}')
+    return ftws_map
 
 
 def _run_map(args: argparse.Namespace, arm: SerialChain) -> int:
@@ -132,8 +151,8 @@ def _run_map(args: argparse.Namespace, arm: SerialChain) -> int:
             )
         )
     else:
-        what = 'area' if args.grid in ('xy', 'xz', 'yz') else 'volume'
-        unit = 'm^2' if what == 'area' else 'm^3'
+        unit = ftws_map.frame.unit
+        what = {'m^2': 'area', 'm^3': 'volume'}[unit]
         print(f'{what} proved between {lower:.6g} and {upper:.6g} {unit}')
         if not ftws_map.complete:
             print('interrupted: the map is right but coarse')

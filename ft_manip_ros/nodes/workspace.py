@@ -10,11 +10,13 @@ from dataclasses import replace
 
 import numpy as np
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+from sensor_msgs.msg import PointCloud2
 from visualization_msgs.msg import MarkerArray
 
 from ft_manip_interfaces.msg import FtwsAnswer
 from ft_manip_interfaces.srv import QueryFtws
 from ft_manip_ros.core.errors import InputError
+from ft_manip_ros.core.ftws.ftws_map import load_map
 from ft_manip_ros.core.ftws.query import query, warm_up
 from ft_manip_ros.core.ftws.settings import FtwsSettings
 from ft_manip_ros.core.ftws.verdict import FtwsResult
@@ -23,6 +25,7 @@ from ft_manip_ros.nodes import topics
 from ft_manip_ros.nodes.arm_model import load_arm_parameter
 from ft_manip_ros.nodes.ftws_messages import answer_markers, answer_to_message, goals_from_poses
 from ft_manip_ros.nodes.managed_node import ManagedNode
+from ft_manip_ros.nodes.map_messages import map_cloud, map_markers
 from ft_manip_ros.nodes.parameters import ARM_PARAMETERS, ParameterSpec
 from ft_manip_ros.nodes.process import run
 
@@ -33,6 +36,11 @@ _SLICE = 32
 PARAMETERS = (
     *ARM_PARAMETERS,
     ParameterSpec('frame', 'base_link', 'Frame of the markers: the base of the arm.'),
+    ParameterSpec(
+        'map',
+        '',
+        'Map of the arm to show, as `ftmanip ftws ARM --grid ... --map OUT.npz` writes it.',
+    ),
     ParameterSpec(
         'time_budget',
         30.0,
@@ -46,7 +54,12 @@ PARAMETERS = (
         'max_points', 10_000, 'Most points a request may have; ask in batches.', '', 1, 1_000_000
     ),
     ParameterSpec(
-        'marker_limit', 5000, 'How many answered points stay visible as markers.', '', 1, 1_000_000
+        'marker_limit',
+        5000,
+        'How many answered points stay visible as markers, and cubes of the map.',
+        '',
+        1,
+        1_000_000,
     ),
 )
 
@@ -69,8 +82,33 @@ class Workspace(ManagedNode):
         self._markers = self.advertise(
             MarkerArray, topics.markers('workspace'), topics.LATCHED_QOS
         )
+        self._load_map()
         self.serve(
             QueryFtws, topics.QUERY_FTWS, self._on_query, group=MutuallyExclusiveCallbackGroup()
+        )
+
+    def _load_map(self) -> None:
+        """Read the map, if there is one to show, and advertise its topics."""
+        self._map = load_map(self.param('map'), self._chain) if self.param('map') else None
+        if self._map is not None:
+            self._map_cloud = self.advertise(PointCloud2, topics.FTWS_MAP, topics.LATCHED_QOS)
+            self._map_markers = self.advertise(
+                MarkerArray, topics.FTWS_MAP_MARKERS, topics.LATCHED_QOS
+            )
+
+    def activate(self) -> None:
+        """Show the map."""
+        if self._map is None:
+            return
+        now = self.get_clock().now().nanoseconds
+        self._map_cloud.publish(map_cloud(self._map, self._frame, now))
+        self._map_markers.publish(
+            map_markers(self._map, self._frame, now, self.param('marker_limit'))
+        )
+        lower, upper = self._map.measure()
+        self.get_logger().info(
+            f'map of order {self._map.order}: proved between {lower:.4g} and {upper:.4g} '
+            f'{self._map.frame.unit}'
         )
 
     def warm_up(self) -> None:

@@ -12,11 +12,14 @@ import pytest
 from geometry_msgs.msg import Point, Pose, Quaternion
 from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState, GetState
+from sensor_msgs.msg import PointCloud2
 from visualization_msgs.msg import MarkerArray
 
 from ft_manip_interfaces.msg import FtwsAnswer
 from ft_manip_interfaces.srv import QueryFtws
 from ft_manip_ros.core.arm_file import load_arm
+from ft_manip_ros.core.ftws.map_build import build_map
+from ft_manip_ros.core.ftws.map_frame import map_frame
 from ft_manip_ros.core.kinematics import fk
 from ft_manip_ros.nodes import topics
 
@@ -117,6 +120,23 @@ class TestOneNodeForAll:
         response = ask_once([])
         assert response.success
         assert not response.answers
+
+
+def test_a_map_is_shown_if_it_is_of_the_arm(start_node, probe, tmp_path):
+    arm = load_arm('planar_4r')
+    disc = build_map(arm, map_frame(arm, 'xy'), low=[-2.5, -2.5], high=[2.5, 2.5], depth=4)
+    disc.save(tmp_path / 'map.npz')
+    clouds = probe.listen(PointCloud2, topics.FTWS_MAP, topics.LATCHED_QOS)
+    cubes = probe.listen(MarkerArray, topics.FTWS_MAP_MARKERS, topics.LATCHED_QOS)
+    params = {'arm': 'planar_4r', 'map': str(tmp_path / 'map.npz')}
+    node = start_node('workspace', params=params)
+    node.wait_for('active')
+    probe.until(lambda: clouds and cubes, 20.0, 'the map')
+    assert clouds[-1].width == int((disc.grid >= 0).sum())
+    assert len(cubes[-1].markers[0].points) == int((disc.grid == 1).sum())
+    node.stop()
+    other = start_node('workspace', params={**params, 'arm': 'planar_5r'})
+    other.wait_for("map.npz: is a map of 'planar_4r'")
 
 
 def test_a_huge_batch_keeps_its_budget_and_blocks_nobody(ask, probe):

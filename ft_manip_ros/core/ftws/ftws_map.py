@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ft_manip_ros.core.chain import Array
+from ft_manip_ros.core.chain import Array, SerialChain
 from ft_manip_ros.core.errors import InputError
 from ft_manip_ros.core.ftws.map_frame import GRIDS, MapFrame
 from ft_manip_ros.core.ftws.verdict import Verdict
 
-FORMAT = 'ft_manip_ros/ftws-map/1'
+FORMAT = 'ft_manip_ros/ftws-map/2'
 _VERDICTS = {1: Verdict.MEMBER, 0: Verdict.UNDECIDED, -1: Verdict.NON_MEMBER}
 
 
@@ -28,6 +30,8 @@ class FtwsMap:
     ----------
     arm, order, tolerance
         What was asked.
+    fingerprint
+        `arm_fingerprint` of the arm.
     frame
         Where the map lies.
     low, high : ndarray, shape (d,)
@@ -39,6 +43,7 @@ class FtwsMap:
     """
 
     arm: str
+    fingerprint: str
     order: int
     tolerance: float
     frame: MapFrame
@@ -116,6 +121,7 @@ class FtwsMap:
                     partial,
                     format=FORMAT,
                     arm=self.arm,
+                    fingerprint=self.fingerprint,
                     order=self.order,
                     tolerance=self.tolerance,
                     kind=self.frame.kind,
@@ -132,21 +138,40 @@ class FtwsMap:
             raise InputError(str(target), f'cannot be written: {error.strerror}') from error
 
 
-def load_map(path: str | os.PathLike[str]) -> FtwsMap:
+def arm_fingerprint(chain: SerialChain) -> str:
+    """Digest of all that verdicts depend on: joints, limits and placements of an arm."""
+    digest = hashlib.sha256()
+    for joint in chain.joints:
+        digest.update(
+            f'{joint.name} {joint.prismatic} {joint.lower!r} {joint.upper!r} '
+            f'{joint.operating!r}\n'.encode()
+        )
+    for placements in (chain.rotations, chain.translations):
+        digest.update(np.ascontiguousarray(placements, dtype='<f8').tobytes())
+    return digest.hexdigest()
+
+
+def load_map(path: str | os.PathLike[str], chain: SerialChain | None = None) -> FtwsMap:
     """Read a map written by `FtwsMap.save` as ``.npz``.
+
+    Parameters
+    ----------
+    chain
+        The arm that the map has to be of; None: any.
 
     Raises
     ------
     InputError
-        For a file that is missing or no map.
+        For a file that is missing or no map, or a map of another arm.
     """
     try:
         with np.load(Path(path), allow_pickle=False) as data:
             if str(data['format']) != FORMAT or str(data['kind']) not in GRIDS:
                 raise InputError(f'{path}: format', f'is not {FORMAT!r}')
             frame = MapFrame(str(data['kind']), data['origin'], data['directions'])
-            return FtwsMap(
+            found = FtwsMap(
                 str(data['arm']),
+                str(data['fingerprint']),
                 int(data['order']),
                 float(data['tolerance']),
                 frame,
@@ -157,5 +182,12 @@ def load_map(path: str | os.PathLike[str]) -> FtwsMap:
             )
     except OSError as error:
         raise InputError(str(path), f'cannot be read: {error}') from None
-    except (ValueError, KeyError, EOFError) as error:
+    except InputError:
+        raise
+    except (ValueError, KeyError, EOFError, BadZipFile) as error:
         raise InputError(str(path), f'is not a map: {error}') from None
+    if chain is not None and found.fingerprint != arm_fingerprint(chain):
+        raise InputError(
+            str(path), f'is a map of {found.arm!r} that differs from {chain.name!r} as it is now'
+        )
+    return found

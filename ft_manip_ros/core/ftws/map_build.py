@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ft_manip_ros.core.chain import Array, SerialChain
 from ft_manip_ros.core.errors import InputError
 from ft_manip_ros.core.ftws.engine import run_engine
-from ft_manip_ros.core.ftws.ftws_map import FtwsMap
+from ft_manip_ros.core.ftws.ftws_map import FtwsMap, arm_fingerprint
 from ft_manip_ros.core.ftws.map_frame import MapFrame
 from ft_manip_ros.core.ftws.problem import Problem, prepare
 from ft_manip_ros.core.ftws.query import distance_off_plane
@@ -106,7 +106,8 @@ def build_map(
             level += 1
     except KeyboardInterrupt:
         pass
-    return FtwsMap(chain.name, order, tolerance, frame, lower, upper, grid, complete)
+    fingerprint = arm_fingerprint(chain)
+    return FtwsMap(chain.name, fingerprint, order, tolerance, frame, lower, upper, grid, complete)
 
 
 def _judge(

@@ -41,6 +41,11 @@ class MapFrame:
         """Number of map coordinates, 2 or 3."""
         return len(self.directions)
 
+    @property
+    def unit(self) -> str:
+        """Unit of what a map measures: of an area, or of a volume (also a solid of revolution)."""
+        return 'm^2' if self.kind in ('xy', 'xz', 'yz') else 'm^3'
+
     def points(self, coordinates: Array) -> Array:
         """Points (N, 3) of map coordinates (N, d)."""
         return self.origin + coordinates @ self.directions

@@ -68,7 +68,7 @@ def plot_map(ftws_map: FtwsMap, path: str | os.PathLike[str]) -> None:
     from matplotlib.figure import Figure
 
     lower, upper = ftws_map.measure()
-    unit = 'm²' if ftws_map.frame.kind in ('xy', 'xz', 'yz') else 'm³'
+    unit = ftws_map.frame.unit.replace('^2', '²').replace('^3', '³')
     title = f'{ftws_map.arm}: order {ftws_map.order} FTWS, {lower:.4g} to {upper:.4g} {unit}'
     if ftws_map.frame.dimension == 2:
         figure = Figure(figsize=(6.0, 6.0), layout='constrained')

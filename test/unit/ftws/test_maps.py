@@ -10,6 +10,8 @@ from ft_manip_ros.core.errors import InputError
 from ft_manip_ros.core.ftws.ftws_map import load_map
 from ft_manip_ros.core.ftws.map_build import build_map
 from ft_manip_ros.core.ftws.map_frame import map_frame
+from ft_manip_ros.core.ftws.map_query import query_with_map
+from ft_manip_ros.core.ftws.settings import FtwsSettings
 from ft_manip_ros.core.ftws.templates import VOLUME
 from ft_manip_ros.core.ftws.verdict import Verdict
 from unit.ftws.arms import planar, table_1, table_1_distance
@@ -96,6 +98,54 @@ def test_command_line_map(tmp_path, capsys):
     assert answer['lower'] < 4.0 * np.pi < answer['upper']
     assert picture.stat().st_size > 1000
     assert load_map(file).arm
+
+
+def test_a_map_answers_what_it_knows_and_the_engine_the_rest(revolution):
+    arm = table_1()
+    points = np.array([[0.7, 0.3, 0.2], [1.9, 0.0, 2.3], [1.999, 0.0, 0.1], [0.5, 0.5, 2.6]])
+    known = [revolution.lookup(point) for point in points]
+    assert known == [
+        Verdict.MEMBER, Verdict.NON_MEMBER, Verdict.UNDECIDED, Verdict.UNDECIDED,
+    ]  # fmt: skip
+    results = query_with_map(revolution, arm, points)
+    assert [result.point for result in results] == [tuple(point) for point in points.tolist()]
+    # The third is near the boundary, the last outside the map: both are for the engine.
+    assert [result.verdict for result in results] == [
+        Verdict.MEMBER, Verdict.NON_MEMBER, Verdict.MEMBER, Verdict.NON_MEMBER,
+    ]  # fmt: skip
+    assert ['cell of the map' in result.reason for result in results] == [True, True, False, False]
+    assert results[3].joints
+
+
+def test_a_map_answers_for_its_own_arm_and_tolerance_alone(revolution, tmp_path):
+    points = np.zeros((1, 3))
+    narrower = table_1(limit_deg=179.0)
+    with pytest.raises(InputError, match='not of'):
+        query_with_map(revolution, narrower, points)
+    with pytest.raises(InputError, match='made for 1e-06'):
+        query_with_map(revolution, table_1(), points, settings=FtwsSettings(tolerance=1e-4))
+    revolution.save(tmp_path / 'map.npz')
+    assert load_map(tmp_path / 'map.npz', table_1()).fingerprint == revolution.fingerprint
+    with pytest.raises(InputError, match=r'map\.npz: is a map of'):
+        load_map(tmp_path / 'map.npz', narrower)
+
+
+def test_command_line_lookup(tmp_path, capsys):
+    file = str(tmp_path / 'map.npz')
+    assert main(['ftws', 'planar_4r', '--grid', 'xy', '--depth', '4', '--map', file]) == 0
+    capsys.readouterr()
+    ask = ['ftws', 'planar_4r', '--lookup', file, '--json', '--point', '1', '0.4', '0']
+    assert main(ask) == 0
+    assert json.loads(capsys.readouterr().out)['verdict'] == 'member'
+    for wrong, field in (
+        (['--order', '2'], '--order'),
+        (['--margin'], '--lookup'),
+        (['--tolerance', '1e-3'], 'tolerance'),
+    ):
+        assert main([*ask, *wrong]) == 2
+        assert field in capsys.readouterr().err
+    assert main(['ftws', 'planar_5r', *ask[2:]]) == 2
+    assert 'planar_5r' in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
