@@ -16,6 +16,10 @@ from ft_manip_ros.core.errors import InputError
 from ft_manip_ros.core.ftws.operating_limits import find_operating_limits, moveit_joint_limits
 from ft_manip_ros.core.ftws.settings import FtwsSettings
 from ft_manip_ros.core.task_file import load_task
+from ft_manip_ros.core.urdf_writer import chain_to_urdf
+from ft_manip_ros.core.whole_file import write_whole
+
+_URDF = ('.urdf', '.xml')
 
 
 def add_parser(subparsers: Any) -> None:
@@ -32,7 +36,10 @@ def add_parser(subparsers: Any) -> None:
     parser.add_argument('--tip', help='tip link, for a URDF')
     parser.add_argument('--mode', choices=('position', 'pose'), default='position')
     parser.add_argument('--tolerance', type=float, default=1e-6, help='reach tolerance (m)')
-    parser.add_argument('--output', help='write the arm with these limits (for a DH arm file)')
+    parser.add_argument(
+        '--output',
+        help='write the arm with these operating limits: an arm file, or a .urdf with soft limits',
+    )
     parser.add_argument('--moveit', help="write MoveIt's joint_limits.yaml")
     parser.add_argument('--threads', type=int, default=os.cpu_count() or 1)
 
@@ -41,9 +48,12 @@ def run(args: argparse.Namespace) -> int:
     """Search, print and write."""
     chain = load_arm(args.arm, base=args.base, tip=args.tip)
     task = load_task(args.task)
-    is_table = not str(args.arm).endswith(('.urdf', '.xml')) and '<' not in str(args.arm)
-    if args.output and not is_table:
-        raise InputError('--output', 'needs a DH arm file; for a URDF use --moveit')
+    output = Path(args.output) if args.output else None
+    from_urdf = Path(args.arm).suffix in _URDF
+    if output and from_urdf and output.suffix not in _URDF:
+        raise InputError(
+            f'--output {output}', 'is no .urdf; the arm is one and has no table for an arm file'
+        )
     found = find_operating_limits(
         chain,
         task.goals,
@@ -57,24 +67,17 @@ def run(args: argparse.Namespace) -> int:
     print(found.reason)
     if found.chain is None:
         return 1
-    if args.output:
-        save_dh(_with_limits(args.arm, found.chain), args.output)
+    if output:
+        _write_arm(found.chain, args.arm, output)
     if args.moveit:
-        _write_yaml(moveit_joint_limits(found.chain), args.moveit)
+        limits = moveit_joint_limits(found.chain)
+        write_whole(args.moveit, yaml.safe_dump(limits, sort_keys=False))
     return 0 if found.proved else 1
 
 
-def _with_limits(arm: str, chain: SerialChain) -> Any:
-    table = load_dh(arm)
-    return replace(table, joints=chain.joints)
-
-
-def _write_yaml(content: dict[str, Any], path: str) -> None:
-    target = Path(path)
-    partial = target.with_name(f'.{target.name}.{os.getpid()}')
-    try:
-        partial.write_text(yaml.safe_dump(content, sort_keys=False), encoding='utf-8')
-        partial.replace(target)
-    except OSError as error:
-        partial.unlink(missing_ok=True)
-        raise InputError(path, f'cannot be written: {error.strerror}') from error
+def _write_arm(chain: SerialChain, arm: str, output: Path) -> None:
+    """Write the arm with its new operating limits, as URDF or as a DH table."""
+    if output.suffix in _URDF:
+        write_whole(output, chain_to_urdf(chain))
+    else:
+        save_dh(replace(load_dh(arm), joints=chain.joints), output)

@@ -13,6 +13,7 @@ from ft_manip_ros.core.config_files import find_config
 from ft_manip_ros.core.dh import DhTable
 from ft_manip_ros.core.errors import InputError
 from ft_manip_ros.core.strict_yaml import Fields, located, read_fields
+from ft_manip_ros.core.whole_file import write_whole
 
 CONVENTION = 'standard_dh'
 
@@ -96,7 +97,6 @@ def save_dh(table: DhTable, path: str | os.PathLike[str]) -> None:
     InputError
         If the folder is missing or cannot be written.
     """
-    target = Path(path)
     rows = []
     for i, joint in enumerate(table.joints):
         row: dict[str, str | float] = {'name': joint.name}
@@ -113,16 +113,7 @@ def save_dh(table: DhTable, path: str | os.PathLike[str]) -> None:
         row['acceleration'] = float(joint.acceleration)
         rows.append(row)
     content = {'name': table.name, 'convention': CONVENTION, 'joints': rows}
-    partial = target.with_name(f'.{target.name}.{os.getpid()}')
-    try:
-        partial.write_text(
-            yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=400),
-            encoding='utf-8',
-        )
-        partial.replace(target)
-    except OSError as error:
-        partial.unlink(missing_ok=True)
-        raise InputError(str(target), f'cannot be written: {error.strerror}') from error
+    write_whole(path, yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=400))
 
 
 def _row(entry: Fields, last: bool) -> tuple[Joint, tuple[float, float, float, float]]:

@@ -16,6 +16,7 @@ from ft_manip_ros.core.ftws.settings import FtwsSettings
 from ft_manip_ros.core.ftws.templates import cover, in_template, smallest_scale
 from ft_manip_ros.core.ftws.verdict import Verdict
 from ft_manip_ros.core.kinematics import fk, jacobian
+from ft_manip_ros.core.urdf_writer import chain_to_urdf
 from unit.ftws.arms import planar, table_1
 
 
@@ -104,6 +105,23 @@ def test_limits_command_writes_arm_and_moveit_files(tmp_path, capsys):
     limits = yaml.safe_load(moveit.read_text())['joint_limits']
     assert list(limits) == ['joint_1', 'joint_2', 'joint_3']
     assert limits['joint_1']['max_position'] < 1.83
+
+
+def test_limits_of_a_urdf_become_its_soft_limits(tmp_path, capsys):
+    task = tmp_path / 'task.yaml'
+    task.write_text('name: t\ngoals:\n  - {position: [1.5, 0.0, 0.0]}\n')
+    arm, output = tmp_path / 'arm.urdf', tmp_path / 'limited.urdf'
+    arm.write_text(chain_to_urdf(planar(1.0, 1.0, 1.0)))
+    assert main(['limits', str(arm), str(task), '--output', str(output)]) == 0
+    capsys.readouterr()
+    limited = load_arm(str(output))
+    assert limited.joints[0].upper == pytest.approx(np.pi)
+    assert 1.0 < limited.joints[0].operating[1] < 1.83
+    assert main(['ftws', str(output), '--point', '1.5', '0', '0', '--json']) == 0
+    assert json.loads(capsys.readouterr().out)['verdict'] == 'member'
+    assert main(['limits', str(arm), str(task), '--output', str(tmp_path / 'arm.yaml')]) == 2
+    assert '.urdf' in capsys.readouterr().err
+    assert not (tmp_path / 'arm.yaml').exists()
 
 
 def test_the_panda_has_no_strict_members_but_operating_limits():
