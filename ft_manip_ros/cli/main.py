@@ -26,6 +26,7 @@ COMMANDS = {
     'limits': Command('limits_command', 'find operating limits that keep points fault tolerant'),
     'query': Command('query_command', 'ask the running workspace node about points'),
     'design': Command('design_command', 'design an arm that reaches a task whatever joint locks'),
+    'template': Command('template_command', "scale one of the paper's template arms to a task"),
     'tolerance': Command('tolerance_command', 'which failures, and when, a task survives'),
     'detect': Command('detect_command', 'run the fault monitor over recorded joint data'),
     'replay': Command('replay_command', 're-run a bag and compare with what it recorded'),
