@@ -13,6 +13,8 @@ from ft_manip_ros.core.region import Region
 
 DEFAULT_POSITION_TOLERANCE = 1e-3
 DEFAULT_ORIENTATION_TOLERANCE = 1e-2
+# Of a design: tables of more take minutes each, and no arm has them.
+MOST_JOINTS = 32
 
 # How far a given rotation matrix or quaternion may be from orthonormal: rounding to three
 # digits in a file is accepted and cleaned, anything worse is a mistake.
@@ -117,6 +119,8 @@ class DesignSpec:
             raise InputError(
                 'design: dof', f'is {self.dof}; must exceed the order of fault tolerance'
             )
+        if self.dof > MOST_JOINTS:
+            raise InputError('design: dof', f'is {self.dof}; must be at most {MOST_JOINTS}')
         for name, value in (('lower', self.lower), ('upper', self.upper)):
             if np.size(value) not in (1, self.dof):
                 raise InputError(

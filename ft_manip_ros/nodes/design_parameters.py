@@ -11,7 +11,7 @@ from rclpy.parameter import Parameter
 from ft_manip_ros.core.design.settings import METHODS, DesignSettings
 from ft_manip_ros.core.design.space import FAMILIES
 from ft_manip_ros.core.errors import InputError
-from ft_manip_ros.core.goal import DesignSpec, Task
+from ft_manip_ros.core.goal import MOST_JOINTS, DesignSpec, Task
 from ft_manip_ros.nodes.managed_node import ManagedNode
 from ft_manip_ros.nodes.parameters import ParameterSpec
 
@@ -23,7 +23,7 @@ PARAMETERS = (
         'default for tasks that come as messages.',
     ),
     ParameterSpec('run_at_start', True, 'Search for the task as soon as the node is active.'),
-    ParameterSpec('dof', 0, 'Number of joints; 0: as the task file says.', '', 0, 32),
+    ParameterSpec('dof', 0, 'Number of joints; 0: as the task file says.', '', 0, MOST_JOINTS),
     ParameterSpec('order', 0, 'Joints that fail at once; 0: as the task file says.', '', 0, 8),
     ParameterSpec(
         'joint_limits',

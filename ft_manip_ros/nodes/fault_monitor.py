@@ -22,7 +22,7 @@ from ft_manip_ros.core.detection.feed import MonitorFeed
 from ft_manip_ros.core.detection.monitor import FaultMonitor
 from ft_manip_ros.core.detection.settings import MonitorSettings
 from ft_manip_ros.core.detection.state_file import restore_faults, save_faults
-from ft_manip_ros.core.detection.states import LATCHED, Edge
+from ft_manip_ros.core.detection.states import LATCHED, Edge, JointState
 from ft_manip_ros.core.detection.warm_up import warm_up
 from ft_manip_ros.nodes import topics
 from ft_manip_ros.nodes.arm_model import load_arm_parameter
@@ -228,7 +228,9 @@ class FaultMonitorNode(ManagedNode):
         response.message = (
             f'cleared {", ".join(response.cleared)}; each has to prove itself'
             if edges
-            else f'{request.joint or "no joint"} has no fault to clear'
+            else f'{request.joint} has no fault to clear'
+            if request.joint
+            else 'no joint has a fault to clear'
         )
         return response
 
@@ -237,10 +239,12 @@ class FaultMonitorNode(ManagedNode):
         self._publish_state(ns)
         for edge in edges:
             self._events.publish(fault_message(edge.report))
-            if edge.report.state in LATCHED:
+            report = edge.report
+            if report.state in LATCHED:
+                locked = report.state == JointState.LOCKED
+                where = report.frozen_position if locked else report.position
                 self.get_logger().error(
-                    f'{edge.report.name} {edge.report.state.name} at {edge.report.position:.6g}: '
-                    f'{edge.report.cause}'
+                    f'{report.name} {report.state.name} at {where:.6g}: {report.cause}'
                 )
         if self._file and any(
             edge.report.state in LATCHED or edge.previous in LATCHED for edge in edges

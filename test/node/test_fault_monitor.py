@@ -236,6 +236,7 @@ def test_garbage_leaves_the_node_alive_and_its_state_held(start_node, probe):
     for request, complaint in (
         (FreezeJoint.Request(joint='wrist', at_measured=True), 'joint_1, joint_2'),
         (FreezeJoint.Request(joint='joint_1', position=math.nan), 'finite'),
+        (FreezeJoint.Request(joint='joint_1', position=1000.0), 'between -2.61799 and 2.61799'),
     ):
         refused = probe.call(FreezeJoint, topics.FREEZE_JOINT, request)
         assert not refused.success
@@ -250,6 +251,9 @@ def test_garbage_leaves_the_node_alive_and_its_state_held(start_node, probe):
         'the sensors to be believed again',
     )
     assert list(faults[-1].frozen_joints) == ['joint_5']
+    declared = FreezeJoint.Request(joint='joint_4', position=0.75)
+    assert probe.call(FreezeJoint, topics.FREEZE_JOINT, declared).position == 0.75
+    node.wait_for('joint_4 LOCKED at 0.75: declared frozen: by hand', 10.0)
     assert node.running
 
 

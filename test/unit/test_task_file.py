@@ -197,7 +197,7 @@ def test_goals_refuse_what_is_no_goal(fields: dict[str, object]) -> None:
         Goal(**fields)  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize('fields', [{'dof': 2, 'order': 2}, {'dof': 3, 'order': 0}])
+@pytest.mark.parametrize('fields', [{'dof': 2, 'order': 2}, {'dof': 3, 'order': 0}, {'dof': 99}])
 def test_design_specs_refuse_what_cannot_be(fields: dict[str, int]) -> None:
     with pytest.raises(InputError, match='design'):
         DesignSpec(**fields)

@@ -227,12 +227,18 @@ class FaultMonitor:
         Raises
         ------
         InputError
-            For an unknown joint, a position that is not finite, or a joint never seen.
+            For an unknown joint, a position that is not finite or beyond the joint's limits, or a
+            joint never seen.
         """
         j = self._index(name, 'joint')
         r = self.records[j]
         if position is not None and not math.isfinite(position):
             raise InputError('position', f'is {position}; a finite number is needed')
+        if position is not None and not r['lower'] <= position <= r['upper']:
+            raise InputError(
+                'position',
+                f'is {position:g}; {name!r} stands between {r["lower"]:.6g} and {r["upper"]:.6g}',
+            )
         if position is None and math.isnan(r['q']):
             raise InputError('position', f'of {name!r} was never measured; give one')
         before = JointState(int(r['state']))

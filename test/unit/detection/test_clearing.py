@@ -7,6 +7,7 @@ import math
 
 import pytest
 
+from ft_manip_ros.core.chain import Joint
 from ft_manip_ros.core.detection.monitor import FaultMonitor
 from ft_manip_ros.core.detection.state_file import restore_faults, save_faults
 from ft_manip_ros.core.detection.states import JointState
@@ -83,6 +84,17 @@ def test_freezing_and_clearing_refuse_nonsense():
     with pytest.raises(InputError, match='not watched'):
         monitor.clear('x', 0)
     assert monitor.clear('a', 0) == []
+
+
+def test_freezing_refuses_what_no_joint_can_stand_at():
+    turning, endless = Joint('a', -2.0, 2.0), Joint('b', -math.pi, math.pi)
+    monitor = FaultMonitor([turning, endless])
+    with pytest.raises(InputError, match="position: is 1000; 'a' stands between -2 and 2"):
+        monitor.freeze('a', 1000.0, '', 0)
+    assert not monitor.frozen()
+    monitor.freeze('a', 2.0, '', 0)
+    monitor.freeze('b', 7.0, '', 0)  # turns on and on
+    assert monitor.frozen() == {'a': 2.0, 'b': 7.0}
 
 
 def test_faults_survive_in_the_state_file(tmp_path):
