@@ -14,6 +14,7 @@ from ft_manip_ros.core.detection.commands import TrajectoryPoint
 from ft_manip_ros.core.detection.kernel import advance, forget_windows
 from ft_manip_ros.core.detection.layout import NO_TIME, allocate
 from ft_manip_ros.core.detection.machine import freeze, release
+from ft_manip_ros.core.detection.plausibility import RANGE_MARGIN
 from ft_manip_ros.core.detection.reporting import Reporter
 from ft_manip_ros.core.detection.sample_table import sample_table
 from ft_manip_ros.core.detection.settings import MonitorSettings
@@ -227,14 +228,15 @@ class FaultMonitor:
         Raises
         ------
         InputError
-            For an unknown joint, a position that is not finite or beyond the joint's limits, or a
-            joint never seen.
+            For an unknown joint, a position that is not finite or so far beyond the joint's
+            limits that a measured one would not be believed, or a joint never seen.
         """
         j = self._index(name, 'joint')
         r = self.records[j]
         if position is not None and not math.isfinite(position):
             raise InputError('position', f'is {position}; a finite number is needed')
-        if position is not None and not r['lower'] <= position <= r['upper']:
+        margin = RANGE_MARGIN * (r['upper'] - r['lower'])
+        if position is not None and not r['lower'] - margin <= position <= r['upper'] + margin:
             raise InputError(
                 'position',
                 f'is {position:g}; {name!r} stands between {r["lower"]:.6g} and {r["upper"]:.6g}',

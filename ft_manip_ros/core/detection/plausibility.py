@@ -18,7 +18,7 @@ _NOT_FINITE: Final = int(Cause.NOT_FINITE)
 _OUT_OF_RANGE: Final = int(Cause.OUT_OF_RANGE)
 _JUMP: Final = int(Cause.JUMP)
 _ABSURD: Final = 1e4  # rad or m: no joint ever stands there
-_RANGE_MARGIN: Final = 0.05  # share of the range by which calibration may be off
+RANGE_MARGIN: Final = 0.05  # share of the range by which calibration may be off
 _JUMP_MARGIN_REVOLUTE: Final = 0.02  # rad
 _JUMP_MARGIN_PRISMATIC: Final = 0.01  # m
 _REACH_REVOLUTE: Final = 6.5  # rad, a turn: a driver may find another zero, but no other joint
@@ -66,7 +66,7 @@ def judge_sample(r: Any, t: float, q: float) -> int:
         return REPEATED_STAMP
     if not np.isfinite(q):
         return _NOT_FINITE
-    margin = _RANGE_MARGIN * (r.upper - r.lower)
+    margin = RANGE_MARGIN * (r.upper - r.lower)
     if abs(q) > _ABSURD or q < r.lower - margin or q > r.upper + margin:
         return _OUT_OF_RANGE
     if not r.has_sample or abs(q - r.q) <= allowed_step(r, t - r.t):
