@@ -92,7 +92,7 @@ def test_freezing_refuses_what_no_joint_can_stand_at():
     with pytest.raises(InputError, match="position: is 1000; 'a' stands between -2 and 2"):
         monitor.freeze('a', 1000.0, '', 0)
     assert not monitor.frozen()
-    with pytest.raises(InputError, match='position: is 2.3'):
+    with pytest.raises(InputError, match=r'position: is 2\.3;'):
         monitor.freeze('a', 2.3, '', 0)
     # Calibration may be off, and a lock happens where it happens.
     monitor.freeze('a', 2.1, '', 0)
