@@ -26,17 +26,21 @@ DEFAULT_ACCELERATION = 4.0
 class ChainArrays(NamedTuple):
     """What the compiled kernels read: plain contiguous arrays, no Python objects.
 
-    The tool frame is ``P_0 M_0(q_0) P_1 M_1(q_1) ... M_{n-1}(q_{n-1}) P_n`` with constant
+    The tool frame is ``P_0 M_0(s_0) P_1 M_1(s_1) ... M_{N-1}(s_{N-1}) P_N`` with constant
     placements ``P`` and motions ``M`` about (revolute) or along (prismatic) the local z axis.
+    Each of the n joints has one axis, ``s = q``, unless others follow it: ``s_i = ratio_i
+    q[driver_i]``.
     """
 
-    rotations: NDArray[np.float64]  # (n+1, 3, 3), of the placements
-    translations: NDArray[np.float64]  # (n+1, 3), m
-    prismatic: NDArray[np.bool_]  # (n,)
+    rotations: NDArray[np.float64]  # (N+1, 3, 3), of the placements
+    translations: NDArray[np.float64]  # (N+1, 3), m
+    prismatic: NDArray[np.bool_]  # (N,)
     lower: NDArray[np.float64]  # (n,), physical limits, rad or m
     upper: NDArray[np.float64]  # (n,)
     wraps: NDArray[np.bool_]  # (n,), a full turn: no limit to run into
-    screws: NDArray[np.float64]  # (n, 6), the placements as `screw_form` rewrites them
+    screws: NDArray[np.float64]  # (N, 6), the placements as `screw_form` rewrites them
+    driver: NDArray[np.int64]  # (N,), joint that moves each axis; empty: its own, at ratio 1
+    ratio: NDArray[np.float64]  # (N,), motion of the axis per motion of that joint; or empty
 
 
 @dataclass(frozen=True)
@@ -104,9 +108,35 @@ class Joint:
         return not self.prismatic and self.upper - self.lower >= FULL_TURN - _FULL_TURN_SLACK
 
 
+@dataclass(frozen=True)
+class Axis:
+    """One moving axis of a chain: it stands at ``ratio`` times the position of its joint.
+
+    Attributes
+    ----------
+    name
+        Of the axis in the arm's description: its joint's own, or that of one that mimics it.
+    joint
+        Place of the joint that moves it.
+    ratio
+        rad or m per rad or m.
+    prismatic
+        True for a sliding axis.
+    offset
+        Where the description has the axis when the joint is at 0 (rad or m). The placements
+        contain it already.
+    """
+
+    name: str
+    joint: int
+    ratio: float = 1.0
+    prismatic: bool = False
+    offset: float = 0.0
+
+
 @dataclass(frozen=True, eq=False)
 class SerialChain:
-    """A serial chain of constant placements, each followed by one joint about its local z.
+    """A serial chain of constant placements, each followed by one moving axis, its local z.
 
     Attributes
     ----------
@@ -114,14 +144,17 @@ class SerialChain:
         Name of the arm.
     joints
         The n joints, base to tip.
-    rotations : ndarray, shape (n+1, 3, 3)
-        Constant rotation from the moved frame of joint i-1 (the base for i = 0) to joint i;
+    rotations : ndarray, shape (N+1, 3, 3)
+        Constant rotation from the moved frame of axis i-1 (the base for i = 0) to axis i;
         the last one leads to the tool.
-    translations : ndarray, shape (n+1, 3)
+    translations : ndarray, shape (N+1, 3)
         The same placements' translations (m).
     frozen
         For a ROD: positions (rad or m) of the joints of the parent arm that are frozen and are
         now part of the placements.
+    driven
+        The N axes, where some follow the joint of another one (mimic joints); empty where each
+        joint has the one axis of its own, N = n.
     """
 
     name: str
@@ -129,21 +162,24 @@ class SerialChain:
     rotations: Array
     translations: Array
     frozen: Mapping[str, float] = field(default_factory=dict)
+    driven: tuple[Axis, ...] = ()
 
     def __post_init__(self) -> None:
-        n = len(self.joints)
+        n = len(self.axes)
         rotations = np.ascontiguousarray(self.rotations, dtype=float)
         translations = np.ascontiguousarray(self.translations, dtype=float)
         if rotations.shape != (n + 1, 3, 3) or translations.shape != (n + 1, 3):
             raise InputError(
                 f'chain {self.name!r}: placements',
                 f'have shapes {rotations.shape} and {translations.shape}; '
-                f'{n} joints need {(n + 1, 3, 3)} and {(n + 1, 3)}',
+                f'{n} axes need {(n + 1, 3, 3)} and {(n + 1, 3)}',
             )
+        if {axis.joint for axis in self.axes} != set(range(self.n)):
+            raise InputError(f'chain {self.name!r}: driven', 'does not name each joint')
         if not (np.isfinite(rotations).all() and np.isfinite(translations).all()):
             raise InputError(f'chain {self.name!r}: placements', 'contain NaN or infinity')
         names = [joint.name for joint in self.joints]
-        if len(set(names)) != n:
+        if len(set(names)) != self.n:
             twice = sorted({name for name in names if names.count(name) > 1})
             raise InputError(f'chain {self.name!r}: joint names', f'{twice} appear more than once')
         rotations.setflags(write=False)
@@ -155,6 +191,43 @@ class SerialChain:
     def n(self) -> int:
         """Number of joints that move."""
         return len(self.joints)
+
+    @cached_property
+    def axes(self) -> tuple[Axis, ...]:
+        """The N moving axes, base to tip: one a joint unless `driven` says otherwise."""
+        own = (Axis(j.name, i, prismatic=j.prismatic) for i, j in enumerate(self.joints))
+        return self.driven or tuple(own)
+
+    def axis_positions(self, q: Array) -> Array:
+        """Positions of the axes, shape (..., N), at joint positions ``q``, shape (..., n)."""
+        if not self.driven:
+            return q
+        return q[..., self.arrays.driver] * self.arrays.ratio
+
+    @cached_property
+    def uncoupled(self) -> SerialChain:
+        """The same arm with every axis a joint of its own, over the range that it can have here.
+
+        It reaches whatever this arm reaches: what it is proved to miss, this arm misses too.
+        """
+        if not self.driven:
+            return self
+        joints = []
+        for axis in self.driven:
+            leader = self.joints[axis.joint]
+            lower, upper = sorted((axis.ratio * leader.lower, axis.ratio * leader.upper))
+            speed = abs(axis.ratio)
+            joints.append(
+                Joint(
+                    axis.name,
+                    lower,
+                    upper,
+                    velocity=speed * leader.velocity,
+                    acceleration=speed * leader.acceleration,
+                    prismatic=axis.prismatic,
+                )
+            )
+        return replace(self, joints=tuple(joints), driven=())
 
     @cached_property
     def joint_names(self) -> tuple[str, ...]:
@@ -197,12 +270,20 @@ class SerialChain:
         return ChainArrays(
             self.rotations,
             self.translations,
-            np.array([joint.prismatic for joint in self.joints], dtype=np.bool_),
+            np.array([axis.prismatic for axis in self.axes], dtype=np.bool_),
             self.lower,
             self.upper,
-            np.array([joint.wraps for joint in self.joints], dtype=np.bool_),
+            np.array([self._wraps(i) for i in range(self.n)], dtype=np.bool_),
             screw_form(self.rotations, self.translations),
+            np.array([axis.joint for axis in self.driven], dtype=np.int64),
+            np.array([axis.ratio for axis in self.driven], dtype=float),
         )
+
+    def _wraps(self, i: int) -> bool:
+        """Whether after a full turn of joint i all its axes are back where they were."""
+        mine = [axis for axis in self.axes if axis.joint == i]
+        whole = all(not axis.prismatic and axis.ratio == round(axis.ratio) for axis in mine)
+        return self.joints[i].wraps and whole
 
     def index(self, name: str) -> int:
         """Place of a joint by name.
@@ -242,7 +323,8 @@ class SerialChain:
     def freeze(self, angles: Mapping[str, float]) -> SerialChain:
         """Return the ROD with the named joints frozen at the given positions (rad or m).
 
-        A frozen joint may stand outside its limits: a lock happens where it happens.
+        A frozen joint may stand outside its limits: a lock happens where it happens. What
+        mimics it is frozen with it.
 
         Raises
         ------
@@ -255,24 +337,27 @@ class SerialChain:
                 raise InputError(f'frozen {self.joint_names[i]!r}', f'is {value}; must be finite')
         rotations = [self.rotations[0]]
         translations = [self.translations[0]]
-        kept: list[Joint] = []
-        for i, joint in enumerate(self.joints):
-            r_next, t_next = self.rotations[i + 1], self.translations[i + 1]
-            if i not in at:
-                kept.append(joint)
+        kept = [i for i in range(self.n) if i not in at]
+        driven: list[Axis] = []
+        for k, axis in enumerate(self.axes):
+            r_next, t_next = self.rotations[k + 1], self.translations[k + 1]
+            if axis.joint not in at:
+                driven.append(replace(axis, joint=kept.index(axis.joint)))
                 rotations.append(r_next)
                 translations.append(t_next)
                 continue
-            r_motion, t_motion = joint_motion(joint.prismatic, at[i])
+            r_motion, t_motion = joint_motion(axis.prismatic, axis.ratio * at[axis.joint])
             r, t = rotations[-1], translations[-1]
             translations[-1] = t + r @ (t_motion + r_motion @ t_next)
             rotations[-1] = r @ r_motion @ r_next
+        alone = all(axis.name == self.joint_names[kept[axis.joint]] for axis in driven)
         return replace(
             self,
-            joints=tuple(kept),
+            joints=tuple(self.joints[i] for i in kept),
             rotations=np.array(rotations),
             translations=np.array(translations),
             frozen={**self.frozen, **{self.joint_names[i]: v for i, v in at.items()}},
+            driven=() if alone else tuple(driven),
         )
 
 

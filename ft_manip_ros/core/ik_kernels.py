@@ -61,7 +61,7 @@ def descend(
         m and rad at the final ``q``, which is inside the limits.
     """
     clip_start(chain, frozen, q, work)
-    if mode == POSITION:
+    if mode == POSITION and chain.driver.shape[0] == 0:
         status, steps, distance = descend_position(chain, frozen, target, control, q, work)
         angle = 0.0
     else:
@@ -110,7 +110,7 @@ def solve(
                 state = splitmix(state)
                 if not frozen[i]:
                     q[i] = chain.lower[i] + uniform(state) * (chain.upper[i] - chain.lower[i])
-        if mode == POSITION:
+        if mode == POSITION and chain.driver.shape[0] == 0:
             status, steps, distance = descend_position(chain, frozen, target, control, q, work)
             angle = 0.0
         else:
@@ -164,7 +164,7 @@ def solve_rows(
     errors : shape (N, 2), out
         Position error (m) and orientation error (rad).
     """
-    work = ik_work(qs.shape[1])
+    work = ik_work(qs.shape[1], chain.screws.shape[0])
     for k in range(qs.shape[0]):
         status, steps, restarts, distance, angle = solve(
             chain, frozen[k], modes[k], targets[k], rotations[k], control, seeds[k], qs[k], work

@@ -13,11 +13,12 @@ from ft_manip_ros.core.ik_types import (
     AXIS,
     CONVERGED,
     ITERATION_LIMIT,
+    POSITION,
     STALLED,
     IkControl,
     IkWork,
 )
-from ft_manip_ros.core.kernels import sweep, turn_tool
+from ft_manip_ros.core.kernels import drive, gather, sweep, turn_tool
 
 # As in `ik_position`; the rotation's second-order terms make longer patience worth it.
 DAMPING = 0.1
@@ -80,7 +81,13 @@ def pose_error(
     q: Array,
     work: IkWork,
 ) -> tuple[float, float]:
-    """Write the weighted residual at ``q``; return position error (m), orientation error (rad)."""
+    """Write the weighted residual at ``q``; return position error (m), orientation error (rad).
+
+    In mode `POSITION` the orientation's part of it is zero.
+    """
+    if chain.driver.shape[0] > 0:
+        drive(chain.driver, chain.ratio, q, work.positions)
+        q = work.positions
     place, turned = sweep(
         chain.rotations,
         chain.translations,
@@ -93,6 +100,9 @@ def pose_error(
     r = work.residual
     r[0], r[1], r[2] = target[0] - place[0], target[1] - place[1], target[2] - place[2]
     distance = math.sqrt(r[0] * r[0] + r[1] * r[1] + r[2] * r[2])
+    if mode == POSITION:
+        r[3], r[4], r[5] = 0.0, 0.0, 0.0
+        return distance, 0.0
     turn_tool(chain.rotations, turned, work.rotation)
     angle = rotation_error(work.rotation, target_rotation, mode, r)
     r[3] *= weight
@@ -107,7 +117,9 @@ def weighted_columns(
 ) -> None:
     """Write the weighted Jacobian, one joint a row, at the posture of the last `pose_error`."""
     r, rotation, prismatic = work.residual, work.rotation, chain.prismatic
-    axes, origins, columns = work.axes, work.origins, work.columns
+    coupled = chain.driver.shape[0] > 0
+    axes, origins = work.axes, work.origins
+    columns = work.wide if coupled else work.columns
     x, y, z = target[0] - r[0], target[1] - r[1], target[2] - r[2]
     for i in range(axes.shape[0]):
         u, v, w = axes[i, 0], axes[i, 1], axes[i, 2]
@@ -125,8 +137,12 @@ def weighted_columns(
             columns[i, 3] = weight * (rotation[0, 0] * u + rotation[1, 0] * v + rotation[2, 0] * w)
             columns[i, 4] = weight * (rotation[0, 1] * u + rotation[1, 1] * v + rotation[2, 1] * w)
             columns[i, 5] = 0.0
+        elif mode == POSITION:
+            columns[i, 3], columns[i, 4], columns[i, 5] = 0.0, 0.0, 0.0
         else:
             columns[i, 3], columns[i, 4], columns[i, 5] = weight * u, weight * v, weight * w
+    if coupled:
+        gather(chain.driver, chain.ratio, columns, work.columns)
 
 
 @njit(cache=True, nogil=True)
@@ -220,7 +236,8 @@ def descend_pose(
 ) -> tuple[int, int, float, float]:
     """Move ``q`` (n,) towards the target frame; returns status, steps taken and errors (m, rad).
 
-    As `ik_position.descend_position`, for mode `AXIS` or `POSE`.
+    As `ik_position.descend_position`, for mode `AXIS` or `POSE`; also for mode `POSITION` of
+    arms with mimic joints, for which that one is not made.
     """
     n = q.shape[0]
     weight = control.weight

@@ -39,9 +39,6 @@ def _cost(
 ) -> tuple[float, float, float]:
     """Squared weighted error at ``q`` and its parts; the residual is left in ``work``."""
     distance, angle = pose_error(chain, mode, target, rotation, weight, q, work)
-    if mode == POSITION:
-        work.residual[3:] = 0.0
-        angle = 0.0
     return distance * distance + (weight * angle) ** 2, distance, angle
 
 
@@ -58,6 +55,7 @@ def _second_order(
     n = q.shape[0]
     r, columns, h, g = work.residual, work.columns, work.hessian, work.step
     rows = 3 if mode == POSITION else 6
+    coupled = chain.driver.shape[0] > 0
     largest = 0.0
     for i in range(n):
         g[i] = 0.0
@@ -76,17 +74,47 @@ def _second_order(
             if work.free[i] and work.free[j]:
                 for a in range(rows):
                     s += columns[i, a] * columns[j, a]
-                if not chain.prismatic[i]:
+                if not coupled and not chain.prismatic[i]:
                     x, y, z = work.axes[i]
                     u, v, w = columns[j, 0], columns[j, 1], columns[j, 2]
                     s -= r[0] * (y * w - z * v) + r[1] * (z * u - x * w) + r[2] * (x * v - y * u)
-            # Overflow and NaN count as infinite.
-            largest = max(largest, abs(s)) if abs(s) < np.inf else np.inf
             if i < j:
                 h[i, j] = s
             else:
                 work.diagonal[i] = s if work.free[i] else 1.0
+    if coupled:
+        _coupled_curvature(chain, work)
+    for i in range(n):
+        for j in range(i, n):
+            # Overflow and NaN count as infinite; joints that may not move do not count.
+            s = abs(h[i, j]) if i < j else abs(work.diagonal[i]) * work.free[i]
+            largest = max(largest, s) if s < np.inf else np.inf
     return largest
+
+
+@njit(cache=True, nogil=True)
+def _coupled_curvature(chain: ChainArrays, work: IkWork) -> None:
+    """Take the position's curvature, as `_second_order` has it, from the Hessian: of all axes.
+
+    The second derivative of two axes counts for the joints that drive them; for two axes of one
+    joint it does so twice.
+    """
+    r, wide, driver, ratio = work.residual, work.wide, chain.driver, chain.ratio
+    for i in range(driver.shape[0]):
+        if chain.prismatic[i] or not work.free[driver[i]]:
+            continue
+        x, y, z = work.axes[i]
+        for j in range(i, driver.shape[0]):
+            if not work.free[driver[j]]:
+                continue
+            u, v, w = wide[j, 0], wide[j, 1], wide[j, 2]
+            s = r[0] * (y * w - z * v) + r[1] * (z * u - x * w) + r[2] * (x * v - y * u)
+            s *= ratio[i] * ratio[j]
+            a, b = driver[i], driver[j]
+            if a == b:
+                work.diagonal[a] -= s if i == j else 2.0 * s
+            else:
+                work.hessian[min(a, b), max(a, b)] -= s
 
 
 @njit(cache=True, nogil=True)

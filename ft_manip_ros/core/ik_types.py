@@ -34,10 +34,12 @@ class IkControl(NamedTuple):
 
 
 class IkWork(NamedTuple):
-    """Scratch arrays of one thread for chains of n joints."""
+    """Scratch arrays of one thread for chains of n joints with N moving axes."""
 
-    axes: Array  # (n, 3)
-    origins: Array  # (n, 3), m
+    axes: Array  # (N, 3)
+    origins: Array  # (N, 3), m
+    positions: Array  # (N,), of the axes where joints mimic others, rad or m
+    wide: Array  # (N, 6), the weighted Jacobian of the axes
     columns: Array  # (n, 6), the weighted Jacobian, one joint a row
     residual: Array  # (6,), position (m), then weighted rotation vector (m)
     rotation: Array  # (3, 3), of the tool
@@ -54,11 +56,13 @@ class IkWork(NamedTuple):
 
 
 @njit(cache=True, nogil=True)
-def ik_work(n: int) -> IkWork:
-    """Scratch arrays for chains of ``n`` joints."""
+def ik_work(n: int, axes: int) -> IkWork:
+    """Scratch arrays for chains of ``n`` joints and so many moving axes."""
     return IkWork(
-        np.zeros((n, 3)),
-        np.zeros((n, 3)),
+        np.zeros((axes, 3)),
+        np.zeros((axes, 3)),
+        np.zeros(axes),
+        np.zeros((axes, 6)),
         np.zeros((n, 6)),
         np.zeros(6),
         np.zeros((3, 3)),

@@ -132,6 +132,22 @@ def turn_tool(rotations: Array, turned: tuple[float, ...], rotation: Array) -> N
         rotation[2, j] = turned[6] * a + turned[7] * b + turned[8] * c
 
 
+@njit(cache=True, nogil=True, inline='always')
+def drive(driver: NDArray[np.int64], ratio: Array, q: Array, out: Array) -> None:
+    """Positions of the axes, (N,), of an arm with mimic joints, from those of its joints, (n,)."""
+    for k in range(driver.shape[0]):
+        out[k] = ratio[k] * q[driver[k]]
+
+
+@njit(cache=True, nogil=True)
+def gather(driver: NDArray[np.int64], ratio: Array, columns: Array, out: Array) -> None:
+    """Jacobian of the joints, one a row of ``out`` (n, m), from that of the axes, (N, m)."""
+    out[:] = 0.0
+    for k in range(driver.shape[0]):
+        for a in range(out.shape[1]):
+            out[driver[k], a] += ratio[k] * columns[k, a]
+
+
 @njit(cache=True, nogil=True)
 def frames(
     chain: ChainArrays, q: Array, axes: Array, origins: Array, tip_rotation: Array, tip: Array
@@ -142,11 +158,11 @@ def frames(
     ----------
     chain
         The chain.
-    q : shape (n,)
-        Joint positions, rad or m.
-    axes : shape (n, 3), out
+    q : shape (N,)
+        Positions of the axes, rad or m: those of the joints, unless one mimics another.
+    axes : shape (N, 3), out
         Unit axis of each joint.
-    origins : shape (n, 3), out
+    origins : shape (N, 3), out
         A point on each axis (before a prismatic joint's own motion), m.
     tip_rotation : shape (3, 3), out
     tip : shape (3,), out
@@ -190,13 +206,18 @@ def geometric_jacobian(
 @njit(cache=True, nogil=True)
 def fk_batch(chain: ChainArrays, qs: Array, rotations: Array, positions: Array) -> None:
     """Tool frames of a batch of postures: qs (N, n) -> rotations (N, 3, 3), positions (N, 3)."""
-    n = qs.shape[1]
     placed, moved, screws = chain.rotations, chain.translations, chain.screws
-    prismatic = chain.prismatic
-    axes = np.empty((n, 3))
-    origins = np.empty((n, 3))
+    prismatic, driver, ratio = chain.prismatic, chain.driver, chain.ratio
+    count = screws.shape[0]
+    axes = np.empty((count, 3))
+    origins = np.empty((count, 3))
+    wide = np.empty(count)
     for k in range(qs.shape[0]):
-        place, turned = sweep(placed, moved, screws, prismatic, qs[k], axes, origins)
+        q = qs[k]
+        if driver.shape[0] > 0:
+            drive(driver, ratio, q, wide)
+            q = wide
+        place, turned = sweep(placed, moved, screws, prismatic, q, axes, origins)
         positions[k, 0], positions[k, 1], positions[k, 2] = place
         turn_tool(placed, turned, rotations[k])
 
@@ -206,13 +227,23 @@ def jacobian_batch(
     chain: ChainArrays, qs: Array, rotations: Array, positions: Array, jacobians: Array
 ) -> None:
     """Tool frames and Jacobians of a batch: jacobians (N, 6, n), base frame, at the tool."""
-    n = qs.shape[1]
     placed, moved, screws = chain.rotations, chain.translations, chain.screws
-    prismatic = chain.prismatic
-    axes = np.empty((n, 3))
-    origins = np.empty((n, 3))
+    prismatic, driver, ratio = chain.prismatic, chain.driver, chain.ratio
+    count = screws.shape[0]
+    axes = np.empty((count, 3))
+    origins = np.empty((count, 3))
+    wide = np.empty(count)
+    columns = np.empty((6, count))
     for k in range(qs.shape[0]):
-        place, turned = sweep(placed, moved, screws, prismatic, qs[k], axes, origins)
+        q = qs[k]
+        if driver.shape[0] > 0:
+            drive(driver, ratio, q, wide)
+            q = wide
+        place, turned = sweep(placed, moved, screws, prismatic, q, axes, origins)
         positions[k, 0], positions[k, 1], positions[k, 2] = place
         turn_tool(placed, turned, rotations[k])
-        geometric_jacobian(chain, axes, origins, positions[k], jacobians[k])
+        if driver.shape[0] > 0:
+            geometric_jacobian(chain, axes, origins, positions[k], columns)
+            gather(driver, ratio, columns.T, jacobians[k].T)
+        else:
+            geometric_jacobian(chain, axes, origins, positions[k], jacobians[k])

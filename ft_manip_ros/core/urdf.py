@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import xml.etree.ElementTree as ElementTree
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import pinocchio
@@ -14,11 +13,14 @@ from ft_manip_ros.core.chain import (
     DEFAULT_ACCELERATION,
     DEFAULT_VELOCITY,
     Array,
+    Axis,
     Joint,
     SerialChain,
     joint_motion,
 )
 from ft_manip_ros.core.errors import InputError
+from ft_manip_ros.core.urdf_mimic import followed, tightened
+from ft_manip_ros.core.urdf_text import only_end_link, parse, read_text, root_link, some
 
 
 def chain_from_urdf(
@@ -30,6 +32,9 @@ def chain_from_urdf(
     limits are equal counts as fixed. Soft limits of a ``safety_controller`` become operating
     limits. URDFs name no acceleration (unless as the ``acceleration`` of a ``limit``), and a
     velocity of 0 means none is known: then the defaults of `Joint` hold.
+
+    A joint on the way that mimics another one moves with it: the other one is the joint of the
+    chain, also where it stands off the way, within limits that both keep.
 
     Parameters
     ----------
@@ -43,17 +48,17 @@ def chain_from_urdf(
     InputError
         If the file or the XML cannot be read, a link is unknown, the tip is not below the base,
         several links could be the tip, or the way has a joint with other than one degree of
-        freedom or one that mimics another.
+        freedom or one that mimics what does not exist, itself, or what leaves it no range.
     """
-    text, where = _read(text_or_path)
-    root = _parse(text, where)
+    text, where = read_text(text_or_path)
+    root = parse(text, where)
     where = f'{where} ({root.get("name", "robot")})' if where == 'URDF' else where
-    base = base or _root_link(root, where)
-    tip = tip or _only_end_link(root, where)
+    base = base or root_link(root, where)
+    tip = tip or only_end_link(root, where)
     links = [link.get('name', '') for link in root.findall('link')]
     for key, link in (('base', base), ('tip', tip)):
         if link not in links:
-            raise InputError(f'{where}: {key}', f'{link!r} is not a link; links: {_some(links)}')
+            raise InputError(f'{where}: {key}', f'{link!r} is not a link; links: {some(links)}')
     details = {joint.get('name', ''): joint for joint in root.findall('joint')}
     model = _build(text, where)
     return _extract(model, details, root.get('name', 'robot'), base, tip, where)
@@ -97,31 +102,55 @@ def _extract(
     start = base_frame.placement.inverse()
     placements.append(start.rotation, start.translation)
     joints: list[Joint] = []
+    driven: list[Axis] = []
     for j in way:
         placement = model.jointPlacements[j]
         placements.append(placement.rotation, placement.translation)
-        detail = details[model.names[j]]
         joint_where = f'{where}: joint {model.names[j]!r}'
-        if detail.find('mimic') is not None:
-            raise InputError(
-                joint_where, 'mimics another joint; choose a tip before it: it cannot fail alone'
-            )
         axis, sliding = _axis(model.joints[j], joint_where)
         align = _turn_z_to(axis)
         placements.append(align, np.zeros(3))
-        joint = _joint(model, j, detail, sliding, joint_where)
+        leader, ratio, offset = followed(details, model.names[j], where)
+        if offset:
+            placements.append(*joint_motion(sliding, offset))
+        joint = _leader(model, details, leader, where)
         if isinstance(joint, float):
-            placements.append(*joint_motion(sliding, joint))
-        else:
-            joints.append(joint)
+            placements.append(*joint_motion(sliding, ratio * joint))
+        elif ratio != 0.0:
+            names = [other.name for other in joints]
+            if leader not in names:
+                joints.append(joint)
+                names.append(leader)
+            k = names.index(leader)
+            driven.append(Axis(model.names[j], k, ratio, sliding, offset))
+            if leader != model.names[j]:
+                own = _joint(model, j, details[model.names[j]], sliding, joint_where)
+                joints[k] = tightened(joints[k], own, ratio, offset, joint_where)
             placements.next_joint()
         placements.append(align.T, np.zeros(3))
     placements.append(tip_frame.placement.rotation, tip_frame.placement.translation)
     if not joints:
         raise InputError(f'{where}: base, tip', f'no joint moves between {base!r} and {tip!r}')
+    alone = all(axis.name == joints[axis.joint].name for axis in driven)
     return SerialChain(
-        name, tuple(joints), np.array(placements.rotations), np.array(placements.translations)
+        name,
+        tuple(joints),
+        np.array(placements.rotations),
+        np.array(placements.translations),
+        driven=() if alone else tuple(driven),
     )
+
+
+def _leader(
+    model: pinocchio.Model, details: dict[str, ElementTree.Element], name: str, where: str
+) -> Joint | float:
+    """Return a joint that moves on its own, or its position where it cannot move."""
+    where = f'{where}: joint {name!r}'
+    if details[name].get('type') == 'fixed':
+        return 0.0
+    j = model.getJointId(name)
+    _, sliding = _axis(model.joints[j], where)
+    return _joint(model, j, details[name], sliding, where)
 
 
 def _axis(joint: pinocchio.JointModel, where: str) -> tuple[Array, bool]:
@@ -203,60 +232,8 @@ def _turn_z_to(axis: Array) -> Array:
     return np.column_stack([first, np.cross(axis, first), axis])
 
 
-def _read(text_or_path: str | os.PathLike[str]) -> tuple[str, str]:
-    given = os.fspath(text_or_path)
-    if given.lstrip().startswith('<'):
-        return given, 'URDF'
-    try:
-        return Path(given).expanduser().read_text(encoding='utf-8'), given
-    except OSError as error:
-        raise InputError(given, f'cannot be read: {error.strerror}') from error
-    except UnicodeDecodeError as error:
-        raise InputError(given, 'is not UTF-8 text') from error
-
-
-def _parse(text: str, where: str) -> ElementTree.Element:
-    try:
-        # Bytes, because text with an encoding declaration is refused.
-        root = ElementTree.fromstring(text.strip().encode('utf-8'))
-    except ElementTree.ParseError as error:
-        line, column = error.position
-        raise InputError(f'{where}, line {line}', f'is not XML (column {column})') from error
-    if root.tag != 'robot':
-        raise InputError(where, f'has <{root.tag}> at its root; a URDF has <robot>')
-    if 'xacro' in text and any('xacro' in element.tag for element in root.iter()):
-        raise InputError(where, 'is xacro; expand it first: xacro FILE > arm.urdf')
-    return root
-
-
 def _build(text: str, where: str) -> pinocchio.Model:
     try:
         return pinocchio.buildModelFromXML(text)
     except (ValueError, RuntimeError, IndexError) as error:
         raise InputError(where, f'is not a URDF that Pinocchio can read: {error}') from error
-
-
-def _root_link(root: ElementTree.Element, where: str) -> str:
-    children = {element.get('link') for element in root.findall('joint/child')}
-    roots = [name for link in root.findall('link') if (name := link.get('name')) not in children]
-    if len(roots) != 1 or roots[0] is None:
-        raise InputError(where, f'has {len(roots)} root links; a URDF has one')
-    return roots[0]
-
-
-def _only_end_link(root: ElementTree.Element, where: str) -> str:
-    parents = {element.get('link') for element in root.findall('joint/parent')}
-    ends = [
-        name
-        for link in root.findall('link')
-        if (name := link.get('name')) is not None and name not in parents
-    ]
-    if len(ends) != 1:
-        raise InputError(
-            f'{where}: tip', f'is needed, for there are {len(ends)} end links: {_some(ends)}'
-        )
-    return ends[0]
-
-
-def _some(names: list[str]) -> str:
-    return ', '.join(names[:12]) + (f' and {len(names) - 12} more' if len(names) > 12 else '')

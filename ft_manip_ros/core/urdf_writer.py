@@ -25,6 +25,9 @@ _EFFORT = 100.0
 def chain_to_urdf(chain: SerialChain) -> str:
     """Return a chain as a URDF from ``base_link`` over ``link_1`` ... to ``tool``.
 
+    Joints that mimic another one are written as such. Where that other one is not between base
+    and tool, it gets a link of its own beside them: name the tip ``tool`` to read it back.
+
     `urdf.chain_from_urdf` reads it back to the same chain: operating limits are written as soft
     limits, the acceleration as an attribute of ``limit`` (as URDF 1.2 has it). Joints of a full
     turn from -pi to pi become continuous.
@@ -40,15 +43,30 @@ def chain_to_urdf(chain: SerialChain) -> str:
     ElementTree.SubElement(material, 'color', rgba='0.35 0.45 0.6 1')
     material = ElementTree.SubElement(robot, 'material', name='joint')
     ElementTree.SubElement(material, 'color', rgba='0.9 0.5 0.15 1')
-    links = [BASE_LINK, *(f'link_{i + 1}' for i in range(chain.n)), TOOL_LINK]
+    axes = chain.uncoupled.joints
+    links = [BASE_LINK, *(f'link_{i + 1}' for i in range(len(axes))), TOOL_LINK]
     for i, link in enumerate(links):
         element = ElementTree.SubElement(robot, 'link', name=link)
-        if 0 < i <= chain.n:
+        if 0 < i <= len(axes):
             _cylinder(element, 'joint', np.zeros(3), np.eye(3)[2], length * _JOINT_RADIUS, length)
-        if i <= chain.n:
+        if i <= len(axes):
             _cylinder(element, 'link', np.zeros(3), chain.translations[i], 0.0, length)
-    for i, joint in enumerate(chain.joints):
-        _joint(robot, joint, links[i], links[i + 1], chain.rotations[i], chain.translations[i])
+    leaders = {joint.name: joint for joint in chain.joints}
+    for i, axis in enumerate(axes):
+        place = chain.rotations[i], chain.translations[i]
+        element = _joint(robot, leaders.get(axis.name, axis), links[i], links[i + 1], *place)
+        if axis.name not in leaders:
+            driven = chain.axes[i]
+            mimic = ElementTree.SubElement(element, 'mimic')
+            mimic.set('joint', chain.joint_names[driven.joint])
+            mimic.set('multiplier', repr(float(driven.ratio)))
+    names = {axis.name for axis in axes}
+    for joint in chain.joints:
+        if joint.name in names:
+            continue
+        # Its followers are on the way, the joint itself is not.
+        ElementTree.SubElement(robot, 'link', name=f'{joint.name}_link')
+        _joint(robot, joint, BASE_LINK, f'{joint.name}_link', np.eye(3), np.zeros(3))
     fixed = ElementTree.SubElement(robot, 'joint', name=f'{TOOL_LINK}_mount', type='fixed')
     _ends(fixed, links[-2], TOOL_LINK, chain.rotations[-1], chain.translations[-1])
     ElementTree.indent(robot)
@@ -67,7 +85,7 @@ def _joint(
     child: str,
     rotation: Array,
     translation: Array,
-) -> None:
+) -> ElementTree.Element:
     turns = not joint.prismatic and joint.lower == -np.pi and joint.upper == np.pi
     kind = 'prismatic' if joint.prismatic else 'continuous' if turns else 'revolute'
     element = ElementTree.SubElement(robot, 'joint', name=joint.name, type=kind)
@@ -89,6 +107,7 @@ def _joint(
             k_position='1',
             k_velocity='1',
         )
+    return element
 
 
 def _ends(

@@ -51,12 +51,13 @@ def link_points(chain: SerialChain, q: Array) -> Array:
     """Places of base, joints and tool at posture ``q``, shape (n + 2, 3), m."""
     rotation, position = np.eye(3), np.zeros(3)
     points = [position]
-    for i in range(chain.n + 1):
+    axes, moved = chain.axes, chain.axis_positions(q)
+    for i in range(len(axes) + 1):
         position = position + rotation @ chain.translations[i]
         rotation = rotation @ chain.rotations[i]
         points.append(position)
-        if i < chain.n:
-            turn, shift = joint_motion(chain.joints[i].prismatic, float(q[i]))
+        if i < len(axes):
+            turn, shift = joint_motion(axes[i].prismatic, float(moved[i]))
             position = position + rotation @ shift
             rotation = rotation @ turn
     return np.array(points)

@@ -116,9 +116,12 @@ def fault_markers(
     message.markers[0].header.frame_id = frame
     q = np.array([report.position for report in reports])
     q = np.where(np.isnan(q), 0.0, q)
-    axes, origins = np.empty((chain.n, 3)), np.empty((chain.n, 3))
-    frames(chain.arrays, q, axes, origins, np.empty((3, 3)), np.empty(3))
-    for k, report in enumerate(reports):
+    axes, origins = np.empty((len(chain.axes), 3)), np.empty((len(chain.axes), 3))
+    moved = chain.axis_positions(q)
+    frames(chain.arrays, moved, axes, origins, np.empty((3, 3)), np.empty(3))
+    # The first axis that a joint moves stands for it.
+    first = [[axis.joint for axis in chain.axes].index(k) for k in range(chain.n)]
+    for k, report in zip(first, reports, strict=True):
         if report.state not in (JointState.LOCKED, JointState.RUNAWAY):
             continue
         where = ''

@@ -37,7 +37,7 @@ def test_kernel_and_pinocchio_lm_walk_the_same_way() -> None:
             np.eye(3),
             ik_control(settings),
             start,
-            ik_work(chain.n),
+            ik_work(chain.n, chain.n),
         )
         assert (status == CONVERGED) == reached
         assert ours == steps

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ft_manip_ros.core.chain import Joint, SerialChain
+from ft_manip_ros.core.chain import Axis, Joint, SerialChain
 
 _ROBOTS = 'package://example-robot-data/robots/'
 
@@ -84,6 +84,24 @@ def random_chain(
         tuple(made),
         np.array([random_rotation(rng) for _ in range(n + 1)]),
         rng.normal(scale=0.5, size=(n + 1, 3)),
+    )
+
+
+def coupled_chain(rng: np.random.Generator, joints: int, followers: int) -> SerialChain:
+    """Random chain with axes put in that follow its joints, named ``i_of_JOINT``."""
+    chain = random_chain(rng, joints, sliding=0.2)
+    axes = list(chain.axes)
+    for i in range(followers):
+        k = int(rng.integers(joints))
+        ratio = float(rng.choice([-1.0, 1.0]) * rng.uniform(0.2, 1.5))
+        axis = Axis(f'{i}_of_{chain.joint_names[k]}', k, ratio, bool(rng.random() < 0.2))
+        axes.insert(int(rng.integers(len(axes) + 1)), axis)
+    return SerialChain(
+        'coupled',
+        chain.joints,
+        np.array([random_rotation(rng) for _ in range(len(axes) + 1)]),
+        rng.normal(scale=0.5, size=(len(axes) + 1, 3)),
+        driven=tuple(axes),
     )
 
 

@@ -176,7 +176,7 @@ REFUSED = {
     'unknown tip': (None, 'hand', '', '', r"tip: 'hand' is not a link; links: ground, base"),
     'unknown base': ('floor', 'wrist', '', '', r"base: 'floor' is not a link"),
     'not below': ('finger', 'wrist', '', '', r"'wrist' is not below the base 'finger'"),
-    'mimic': (None, 'thumb', '', '', r"joint 'grip_too': mimics another joint"),
+    'mimic': (None, 'thumb', '', '', r"joint 'grip_too': has no range left"),
     'nothing moves': ('ground', 'base', '', '', r'no joint moves'),
     'floating': (
         None,

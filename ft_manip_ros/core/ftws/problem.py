@@ -64,12 +64,20 @@ def prepare(chain: SerialChain, mode: str, order: int, free_axis: bool = False) 
     Raises
     ------
     InputError
-        For an unknown mode or an order outside 1..n-1.
+        For an unknown mode, an order outside 1..n-1, or a joint that mimics another one.
     """
     if isinstance(order, bool) or not isinstance(order, (int, np.integer)):
         raise InputError('order', f'is {order!r}; must be a whole number')
     if not 1 <= order < max(chain.n, 2):
         raise InputError('order', f'is {order}; {chain.name!r} has {chain.n} joints, so 1 to n-1')
+    for axis in chain.driven:
+        leader = chain.joint_names[axis.joint]
+        if axis.name != leader:
+            raise InputError(
+                f'joint {axis.name!r}',
+                f'mimics {leader!r}: verdicts are for arms whose joints each move on their own; '
+                'choose base and tip so that it is not between them',
+            )
     n = chain.n
     if free_axis:
         joints = (*chain.joints, Joint(_SPIN))

@@ -139,8 +139,9 @@ def _approaches(bodies: CollisionModel) -> Array:
     the joint, bounded by the placements in between and the body's own size.
     """
     model, geometry, chain = bodies.model, bodies.geometry, bodies.chain
-    columns = {model.getJointId(name): i for i, name in enumerate(chain.joint_names)}
-    own = np.zeros((len(geometry.geometryObjects), chain.n))
+    axes = chain.uncoupled.joints
+    columns = {model.getJointId(axis.name): i for i, axis in enumerate(axes)}
+    own = np.zeros((len(geometry.geometryObjects), len(axes)))
     for k, body in enumerate(geometry.geometryObjects):
         body.geometry.computeLocalAABB()
         centre = body.placement.act(body.geometry.aabb_center)
@@ -148,16 +149,19 @@ def _approaches(bodies: CollisionModel) -> Array:
         joint = body.parentJoint
         while joint > 0:
             i = columns.get(joint)
-            sliding = i is not None and chain.joints[i].prismatic
+            sliding = i is not None and axes[i].prismatic
             if i is not None:
                 own[k, i] = 1.0 if sliding else reach
             reach += float(np.linalg.norm(model.jointPlacements[joint].translation))
             if i is not None and sliding:
-                reach += max(abs(chain.joints[i].lower), abs(chain.joints[i].upper))
+                reach += max(abs(axes[i].lower), abs(axes[i].upper)) + abs(chain.axes[i].offset)
             joint = model.parents[joint]
     rows = []
     for pair in geometry.collisionPairs:
         a, b = own[pair.first], own[pair.second]
         # Joints that carry both do not move one against the other.
         rows.append(np.where((a > 0.0) & (b > 0.0), 0.0, a + b))
-    return np.array(rows).reshape(-1, chain.n)
+    motion = np.zeros((len(axes), chain.n))
+    for i, axis in enumerate(chain.axes):
+        motion[i, axis.joint] = abs(axis.ratio)
+    return np.array(rows).reshape(-1, len(axes)) @ motion

@@ -6,7 +6,7 @@ import os
 import sys
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -43,6 +43,8 @@ class CollisionModel:
         How many of the geometry's objects are the robot's; the others are obstacles.
     ignored
         Names of pairs that touch in (nearly) every posture and are not checked.
+    described
+        Whether the model is that of the arm's URDF, not made from the chain.
     """
 
     chain: SerialChain
@@ -52,17 +54,21 @@ class CollisionModel:
     padding: float
     own: int
     ignored: tuple[tuple[str, str], ...]
+    described: bool = False
 
     @cached_property
-    def _places(self) -> tuple[NDArray[np.intp], NDArray[np.bool_], Array]:
-        """Where each joint of the arm is in a configuration, which have two coordinates there."""
-        joints = [
-            self.model.joints[self.model.getJointId(name)] for name in self.chain.joint_names
-        ]
+    def _places(self) -> tuple[NDArray[np.intp], NDArray[np.bool_], Array, Array]:
+        """Where each axis of the arm is in a configuration, which have two coordinates there.
+
+        Last, what the model adds to their positions: a URDF's mimic joints have an offset.
+        """
+        joints = [self.model.joints[self.model.getJointId(a.name)] for a in self.chain.axes]
+        offsets = [axis.offset for axis in self.chain.axes]
         return (
             np.array([joint.idx_q for joint in joints], dtype=np.intp),
             np.array([joint.nq == 2 for joint in joints], dtype=np.bool_),
             pinocchio.neutral(self.model),
+            np.array(offsets) * self.described,
         )
 
     def configuration(self, q: Array) -> Array:
@@ -70,12 +76,13 @@ class CollisionModel:
 
         Joints are mapped by name: a continuous one has two coordinates there.
         """
-        places, turning, neutral = self._places
+        places, turning, neutral, offsets = self._places
         full = neutral.copy()
-        full[places] = q
+        at = self.chain.axis_positions(q) + offsets
+        full[places] = at
         if turning.any():
-            full[places[turning]] = np.cos(q[turning])
-            full[places[turning] + 1] = np.sin(q[turning])
+            full[places[turning]] = np.cos(at[turning])
+            full[places[turning] + 1] = np.sin(at[turning])
         return full
 
 
@@ -100,7 +107,7 @@ def capsule_model(
         if length <= 2.0 * radius:
             continue
         pose = pinocchio.SE3(_along(way / length), 0.5 * way)
-        parent = chain.joint_names[i - 1] if i else 'base'
+        parent = chain.axes[i - 1].name if i else 'base'
         body = coal.Capsule(radius, length)
         geometry.addGeometryObject(pinocchio.GeometryObject(f'link of {parent}', i, pose, body))
         links.append(i)
@@ -112,7 +119,7 @@ def capsule_model(
     own = len(geometry.geometryObjects)
     _add_obstacles(geometry, obstacles, base, fixed=[k for k, i in enumerate(links) if i == 0])
     source = f'capsules of {radius:g} m radius along the links'
-    return _without_constant_pairs(chain, model, geometry, source, padding, own)
+    return _without_constant_pairs(chain, model, geometry, source, padding, own, described=False)
 
 
 def urdf_model(
@@ -175,7 +182,7 @@ def urdf_model(
     own = len(geometry.geometryObjects)
     _add_obstacles(geometry, obstacles, at, fixed=fixed)
     source = 'collision bodies of the URDF'
-    return _without_constant_pairs(chain, model, geometry, source, padding, own)
+    return _without_constant_pairs(chain, model, geometry, source, padding, own, described=True)
 
 
 def _add_obstacles(
@@ -198,10 +205,10 @@ def _add_obstacles(
 
 
 def _moved_joints(model: pinocchio.Model, chain: SerialChain) -> list[int]:
-    """For each joint of the model, how many of the chain's joints move it."""
-    counts = [0] * model.njoints
+    """For each joint of the model, how many of the chain's axes move it."""
+    counts, axes = [0] * model.njoints, {axis.name for axis in chain.axes}
     for j in range(1, model.njoints):
-        counts[j] = counts[model.parents[j]] + (model.names[j] in chain.joint_names)
+        counts[j] = counts[model.parents[j]] + (model.names[j] in axes)
     return counts
 
 
@@ -212,9 +219,11 @@ def _without_constant_pairs(
     source: str,
     padding: float,
     own: int,
+    *,
+    described: bool,
 ) -> CollisionModel:
     """Drop the pairs that touch in nearly every posture: they say nothing about any."""
-    found = CollisionModel(chain, model, geometry, source, padding, own, ())
+    found = CollisionModel(chain, model, geometry, source, padding, own, (), described)
     rng = np.random.default_rng(0)
     data, bodies = model.createData(), geometry.createData()
     for request in bodies.collisionRequests:
@@ -230,7 +239,7 @@ def _without_constant_pairs(
         if count >= _ALWAYS * _DRAWS:
             ignored.append((names[first], names[second]))
             geometry.removeCollisionPair(pinocchio.CollisionPair(first, second))
-    return CollisionModel(chain, model, geometry, source, padding, own, tuple(ignored))
+    return replace(found, ignored=tuple(ignored))
 
 
 def _pairs(geometry: pinocchio.GeometryModel) -> list[tuple[int, int]]:

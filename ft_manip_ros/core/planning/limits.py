@@ -126,11 +126,11 @@ def joint_limits_yaml(chain: SerialChain, frozen: Mapping[str, float]) -> str:
     A frozen joint's range is the one position where it stands.
     """
     limits = {}
-    for joint in chain.joints:
+    for joint, wraps in zip(chain.joints, chain.arrays.wraps, strict=True):
         stuck = joint.name in frozen
         at = float(frozen.get(joint.name, 0.0))
         limits[joint.name] = {
-            'has_position_limits': stuck or not joint.wraps,
+            'has_position_limits': stuck or not bool(wraps),
             'min_position': at if stuck else joint.lower,
             'max_position': at if stuck else joint.upper,
             'has_velocity_limits': True,

@@ -166,7 +166,7 @@ def find_postures(
         found,
         best,
         q,
-        ik_work(n),
+        ik_work(n, len(chain.screws)),
     )
     if count == 0 and _counts(goal, position_error, orientation_error):
         found, count = best[None, :].copy(), 1

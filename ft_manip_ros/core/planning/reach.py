@@ -24,6 +24,8 @@ def proved_miss(rod: SerialChain, goal: Goal) -> tuple[float, str]:
     if rod.n == 0:
         _, tool = fk(rod, np.empty(0))
         return float(np.linalg.norm(tool - goal.position)), 'no joint is left to move'
+    # What no arm with free axes reaches is out of reach for one whose axes move together.
+    rod = rod.uncoupled
     low = [float(np.linalg.norm(t)) for t in rod.translations[1:]]
     high = list(low)
     for joint in rod.joints:

@@ -68,6 +68,9 @@ def refute_goal(
     boxes
         Branch-and-bound boxes to spend at most.
     """
+    coupled = bool(chain.driven)
+    if coupled:
+        chain, arrays, frozen, sigma = _uncoupled(chain, arrays, frozen, sigma)
     oriented = goal.orientation is not None
     problem = _prepared(chain, 'pose' if oriented else 'position', goal.free_axis)
     row = goal_rows([goal], problem.mode)[0][0]
@@ -111,4 +114,25 @@ def refute_goal(
     )
     if outcome == 1:
         return Refutation(float(distance), None)
-    return Refutation(0.0, q[:n].copy() if outcome == -1 else None)
+    # A posture with free axes is none of an arm whose axes move together.
+    reached = outcome == -1 and not coupled
+    return Refutation(0.0, q[:n].copy() if reached else None)
+
+
+def _uncoupled(
+    chain: SerialChain,
+    arrays: ChainArrays,
+    frozen: Mapping[str, float],
+    sigma: Mapping[str, float],
+) -> tuple[SerialChain, ChainArrays, dict[str, float], dict[str, float]]:
+    """The same question for the arm whose every axis is a joint: missed by it, missed by all."""
+    free = chain.uncoupled
+    ends = np.array([arrays.lower[arrays.driver], arrays.upper[arrays.driver]]) * arrays.ratio
+    stuck, blur = {}, {}
+    for axis in chain.axes:
+        leader = chain.joint_names[axis.joint]
+        if leader in frozen:
+            stuck[axis.name] = axis.ratio * frozen[leader]
+            blur[axis.name] = abs(axis.ratio) * sigma.get(leader, 0.0)
+    limited = free.arrays._replace(lower=ends.min(axis=0), upper=ends.max(axis=0))
+    return free, limited, stuck, blur

@@ -172,11 +172,11 @@ def _cut_off(finding: Finding) -> Finding:
 
 def _blur(chain: SerialChain, sigma: Mapping[str, float]) -> float:
     """Bound on how far the tool moves when frozen joints stand `SIGMAS` deviations off (m)."""
-    span = reach(chain)
+    span = reach(chain.uncoupled)
     moved = 0.0
-    for name, value in sigma.items():
-        prismatic = chain.joints[chain.index(name)].prismatic
-        moved += SIGMAS * value * (1.0 if prismatic else span)
+    for axis in chain.axes:
+        value = sigma.get(chain.joint_names[axis.joint], 0.0)
+        moved += SIGMAS * value * abs(axis.ratio) * (1.0 if axis.prismatic else span)
     return moved
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ft_manip_ros.core.chain import Joint, SerialChain
+from ft_manip_ros.core.chain import Axis, Joint, SerialChain
 from ft_manip_ros.core.goal import Goal
 from ft_manip_ros.core.kinematics import fk
 from ft_manip_ros.core.planning.plan import Outcome, PlanStatus
@@ -42,8 +42,15 @@ def random_arm(rng, n):
                 prismatic=prismatic,
             )
         )
-    rotations = np.array([random_rotation(rng) for _ in range(n + 1)])
-    return SerialChain('random', tuple(joints), rotations, rng.normal(size=(n + 1, 3)) * 0.4)
+    axes = [Axis(joint.name, i, prismatic=joint.prismatic) for i, joint in enumerate(joints)]
+    for i in range(rng.choice([0, 0, 0, 2])):
+        ratio = rng.choice([-1.0, 1.0]) * rng.uniform(0.2, 1.5)
+        follower = Axis(f'follower_{i}', int(rng.integers(n)), ratio, bool(rng.random() < 0.2))
+        axes.insert(int(rng.integers(len(axes) + 1)), follower)
+    rotations = np.array([random_rotation(rng) for _ in range(len(axes) + 1)])
+    translations = rng.normal(size=(len(axes) + 1, 3)) * 0.4
+    driven = tuple(axes) if len(axes) > n else ()
+    return SerialChain('random', tuple(joints), rotations, translations, driven=driven)
 
 
 def random_goals(rng, chain, count):
