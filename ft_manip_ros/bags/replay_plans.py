@@ -15,6 +15,7 @@ from std_msgs.msg import Header
 from ft_manip_ros.bags.findings import Finding, Value
 from ft_manip_ros.bags.joint_blocks import JointBlock
 from ft_manip_ros.bags.reader import BagMessage
+from ft_manip_ros.bags.replay_collision import PARAMETERS, recorded_checker
 from ft_manip_ros.bags.replay_setup import ReplaySetup
 from ft_manip_ros.core.errors import InputError
 from ft_manip_ros.core.planning.executive import Decision, Executive, ExecutiveSettings
@@ -30,7 +31,7 @@ _PLANNING = (
     'limit_weight', 'seed',
 )  # fmt: skip
 _WATCHING = tuple(field.name for field in fields(ExecutiveSettings))
-SETTINGS = {*_PLANNING, *_WATCHING, 'policy', 'order', 'accepted_relaxations'}
+SETTINGS = {*_PLANNING, *_WATCHING, *PARAMETERS, 'policy', 'order', 'accepted_relaxations'}
 NUMBERS = {'end': 1e-3, 'duration': 1e-2, 'arrivals': 1e-2, 'frozen_at': 1e-6}
 _STATUS = ('finishes', 'partial', 'halted', 'refused')
 _OUTCOME = ('reachable', 'relaxed', 'lost', 'undecided')
@@ -61,7 +62,9 @@ class PlanReplay:
             return
         planning, watching = _settings(setup.parameters(NODE))
         self._planning = planning
-        self._executive = Executive(setup.chain(NODE), planning, watching)
+        chain = setup.chain(NODE)
+        checker = recorded_checker(setup, NODE, chain)
+        self._executive = Executive(chain, planning, watching, checker)
         self._read_plans(setup, [topic for topic in plans if topic is not None])
         for name, type_name, deliver in (
             ('task', 'ft_manip_interfaces/msg/Task', self._deliver_task),

@@ -78,7 +78,7 @@ class ReplaySetup:
                             f'{self.bag.path}: parameter {key} of {node}', f'is {text!r}'
                         ) from None
         if not values:
-            self._note(f'the bag has no parameters of {node}: its defaults are used')
+            self.note(f'the bag has no parameters of {node}: its defaults are used')
         for key, value in self.overrides.items():
             owner, _, name = key.rpartition('.')
             if owner in ('', node):
@@ -95,24 +95,42 @@ class ReplaySetup:
         """
         parameters = self.parameters(node)
         base, tip = parameters.get('base') or None, parameters.get('tip') or None
-        if self.arm:
-            return load_arm(self.arm, base=base, tip=tip)
+        with tempfile.TemporaryDirectory() as folder:
+            return load_arm(self.arm_file(node, Path(folder)), base=base, tip=tip)
+
+    def attached(self, kind: str, node: str, folder: Path) -> Path | None:
+        """Copy the file of this kind that a node was told of out of the bag; None if not there."""
         for name, (_, content) in self.bag.attachments.items():
             path = Path(name)
-            if name.startswith('arm/') and path.stem == node:
-                with tempfile.TemporaryDirectory() as folder:
-                    copy = Path(folder, path.name)
-                    copy.write_bytes(content)
-                    return load_arm(copy, base=base, tip=tip)
+            if name.startswith(f'{kind}/') and path.stem == node:
+                copy = Path(folder, f'{kind}_{path.name}')
+                copy.write_bytes(content)
+                return copy
+        return None
+
+    def arm_file(self, node: str, folder: Path) -> str:
+        """Return what `load_arm` is to read for a node, as `chain`; files are put in a folder.
+
+        Raises
+        ------
+        InputError
+            If the bag says nothing of it.
+        """
+        parameters = self.parameters(node)
+        if self.arm:
+            return self.arm
+        copy = self.attached('arm', node, folder)
+        if copy is not None:
+            return str(copy)
         # With 'topic' the node read the description too.
         if parameters.get('arm') not in (None, '', 'topic'):
-            self._note(f'the arm file of {node} is not in the bag: {parameters["arm"]} is used')
-            return load_arm(str(parameters['arm']), base=base, tip=tip)
+            self.note(f'the arm file of {node} is not in the bag: {parameters["arm"]} is used')
+            return str(parameters['arm'])
         description = self.topic(*_DESCRIPTION)
         message = next(self.bag.messages([description]), None) if description else None
         if message is not None:
-            self._note(f'the arm of {node} is taken from robot_description')
-            return load_arm(self.bag.decode(message).data, base=base, tip=tip)
+            self.note(f'the arm of {node} is taken from robot_description')
+            return str(self.bag.decode(message).data)
         raise InputError(
             f'bag {self.bag.path}',
             f'says nothing of the arm of {node} (no arm file, no parameters, no '
@@ -130,6 +148,7 @@ class ReplaySetup:
                     f'override {key!r}', f'is no parameter of the replay; there are {names}'
                 )
 
-    def _note(self, text: str) -> None:
+    def note(self, text: str) -> None:
+        """Say, once, what was missing and what stands in for it."""
         if text not in self.notes:
             self.notes.append(text)

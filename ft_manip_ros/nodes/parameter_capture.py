@@ -16,6 +16,9 @@ from rclpy.qos import qos_profile_parameters
 from ft_manip_ros.core.config_files import find_config
 from ft_manip_ros.core.errors import InputError
 
+# Parameters that name a file on which the node's decisions rest.
+_FILES = ('arm', 'obstacles', 'srdf')
+
 
 class ParameterCapture:
     """Asks each named node once for all its parameters, when it appears.
@@ -31,7 +34,8 @@ class ParameterCapture:
     note
         Called with (full node name, parameter values as YAML by name).
     attach
-        Called with (name, media type, content) of each file that an ``arm`` parameter names.
+        Called with (name, media type, content) of each file that a parameter ``arm``,
+        ``obstacles`` or ``srdf`` names.
     """
 
     def __init__(
@@ -100,17 +104,18 @@ class ParameterCapture:
 
     def _on_values(self, full: str, found: dict[str, Any]) -> None:
         self._note(full, {name: _as_yaml(value) for name, value in sorted(found.items())})
-        if isinstance(found.get('arm'), str):
-            self._attach_arm(full, found['arm'])
+        for kind in _FILES:
+            if isinstance(found.get(kind), str) and found[kind]:
+                self._attach_file(kind, full, found[kind])
 
-    def _attach_arm(self, full: str, arm: str) -> None:
+    def _attach_file(self, kind: str, full: str, named: str) -> None:
         try:
-            path = find_config('arms', arm)
+            path = find_config('arms', named) if kind == 'arm' else Path(named).expanduser()
             content = Path(path).read_bytes()
         except (InputError, OSError):
             return  # the node itself has said so
-        kind = 'application/xml' if path.suffix in ('.urdf', '.xml') else 'application/yaml'
-        self._attach(f'arm{full}{path.suffix}', kind, content)
+        text = 'yaml' if path.suffix in ('.yaml', '.yml') else 'xml'
+        self._attach(f'{kind}{full}{path.suffix}', f'application/{text}', content)
 
 
 def _as_yaml(value: Any) -> str:
