@@ -11,20 +11,23 @@ from typing import Any
 
 import numpy as np
 
+from bench.free_space import MOST_JOINTS, FreeSpace
 from ft_manip_ros.core.arm_file import load_arm
 from ft_manip_ros.core.chain import Array, SerialChain
 from ft_manip_ros.core.goal import Goal, Task
 from ft_manip_ros.core.kinematics import fk
 from ft_manip_ros.core.planning.collision import CollisionChecker
 from ft_manip_ros.core.planning.collision_setup import CollisionOptions, make_checker
-from ft_manip_ros.core.planning.plan import PlanStatus
+from ft_manip_ros.core.planning.plan import Plan, PlanStatus
 from ft_manip_ros.core.planning.replan import plan_task
 from ft_manip_ros.core.planning.settings import PlanSettings
 from ft_manip_ros.core.planning.warm_up import warm_up
 
 sys.path.append(str(Path(__file__).parents[1] / 'test'))
 
-FAULTS, COLLISION_FAULTS, DDS_FAULTS = 500, 100, 100
+FAULTS = 500
+# Of so many tasks that were not finished it is looked up whether there is a way.
+DOUBTED = 20
 GOALS = (3, 10, 50)
 PANDA = 'package://example-robot-data/robots/panda_description/urdf/panda.urdf'
 BASE, TIP = 'panda_link0', 'panda_link8'
@@ -71,32 +74,55 @@ def computation(name: str, chain: SerialChain, checker: CollisionChecker | None)
     warm_up(chain, settings)
     for count in GOALS:
         rng = np.random.default_rng(count)
-        number = FAULTS if checker is None else COLLISION_FAULTS
-        times, used, finished, lengths = [], [], 0, []
-        for _ in range(number):
-            goals, frozen, start, speed = fault(chain, rng, count, checker)
+        times, used, lengths = [], [], []
+        unfinished: list[tuple[float, Any]] = []
+        for _ in range(FAULTS):
+            drawn = fault(chain, rng, count, checker)
             begin, worked = time.perf_counter(), time.process_time()
-            plan = plan_task(
-                chain,
-                list(enumerate(goals)),
-                frozen=frozen,
-                sigma={},
-                start=start,
-                start_velocity=speed,
-                settings=settings,
-                checker=checker,
-            )
+            plan = planned(chain, drawn, settings, checker)
             times.append(time.perf_counter() - begin)
             used.append(time.process_time() - worked)
-            finished += plan.status == PlanStatus.FINISHES
             lengths.append(plan.trajectory.duration if plan.trajectory else 0.0)
+            if plan.status != PlanStatus.FINISHES:
+                unfinished.append((used[-1], drawn))
         p50, p99 = np.percentile(times, [50, 99]) * 1e3
         cpu50, cpu99 = np.percentile(used, [50, 99]) * 1e3
+        finished = 100.0 * (1.0 - len(unfinished) / FAULTS)
         print(
-            f'{name:22} {count:5} {number:7} {p50:8.2f} {p99:8.2f} {cpu50:8.2f} {cpu99:8.2f} '
-            f'{100.0 * finished / number:8.1f}% {np.mean(lengths):8.1f}',
+            f'{name:22} {count:5} {FAULTS:7} {p50:8.2f} {p99:8.2f} {cpu50:8.2f} {cpu99:8.2f} '
+            f'{finished:8.1f}% {np.mean(lengths):8.1f}',
+            end='',
             flush=True,
         )
+        if unfinished:
+            print(
+                f'   others: cpu p50 {np.median([t for t, _ in unfinished]) * 1e3:.0f} ms', end=''
+            )
+        if unfinished and checker is not None and chain.n - 1 <= MOST_JOINTS:
+            doubted = [drawn for _, drawn in unfinished[:DOUBTED]]
+            ways = [
+                FreeSpace(chain, checker, frozen).connects(start, goals)
+                for goals, frozen, start, _ in doubted
+            ]
+            print(f', {sum(ways)} of {len(ways)} have a way on a grid', end='')
+        print(flush=True)
+
+
+def planned(
+    chain: SerialChain, drawn: Any, settings: PlanSettings, checker: CollisionChecker | None
+) -> Plan:
+    """Plan for what `fault` drew."""
+    goals, frozen, start, speed = drawn
+    return plan_task(
+        chain,
+        list(enumerate(goals)),
+        frozen=frozen,
+        sigma={},
+        start=start,
+        start_velocity=speed,
+        settings=settings,
+        checker=checker,
+    )
 
 
 def over_dds() -> None:
@@ -143,7 +169,7 @@ def _measure(domain: int) -> None:
     for count in GOALS:
         rng = np.random.default_rng(count)
         whole, computed, bare = [], [], []
-        for k in range(DDS_FAULTS):
+        for k in range(FAULTS):
             goals, frozen, start, speed = fault(chain, rng, count, None)
             now = probe.node.get_clock().now().nanoseconds
             state = JointState(
@@ -172,7 +198,7 @@ def _measure(domain: int) -> None:
             bare.append(time.perf_counter() - begin)
         rows = [np.percentile(values, [50, 99]) * 1e3 for values in (whole, computed, bare)]
         print(
-            f'{count:5} {DDS_FAULTS:7} ' + ' '.join(f'{p50:9.2f} {p99:9.2f}' for p50, p99 in rows),
+            f'{count:5} {FAULTS:7} ' + ' '.join(f'{p50:9.2f} {p99:9.2f}' for p50, p99 in rows),
             flush=True,
         )
     probe.close()

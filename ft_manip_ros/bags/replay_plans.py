@@ -27,8 +27,8 @@ from ft_manip_ros.nodes.plan_messages import frozen_from_message, plan_to_messag
 
 NODE = 'replanner'
 _PLANNING = (
-    'postures', 'attempts', 'proof_boxes', 'dwell', 'rate_scale', 'jerk_time', 'sample_period',
-    'limit_weight', 'seed',
+    'postures', 'attempts', 'proof_boxes', 'detour_checks', 'dwell', 'rate_scale', 'jerk_time',
+    'sample_period', 'limit_weight', 'seed',
 )  # fmt: skip
 _WATCHING = tuple(field.name for field in fields(ExecutiveSettings))
 SETTINGS = {*_PLANNING, *_WATCHING, *PARAMETERS, 'policy', 'order', 'accepted_relaxations'}

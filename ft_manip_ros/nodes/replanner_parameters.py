@@ -56,6 +56,14 @@ PARAMETERS = (
         1,
         100_000_000,
     ),
+    ParameterSpec(
+        'detour_checks',
+        800,
+        'Moves checked for collision to find ways round, at most; each takes about 1 ms.',
+        '',
+        0,
+        1_000_000,
+    ),
     ParameterSpec('dwell', 0.2, 'Rest at each goal.', 's', 0.0, 60.0),
     ParameterSpec(
         'rate_scale',
@@ -115,6 +123,7 @@ def planning_settings(node: ManagedNode) -> PlanSettings:
         postures=node.param('postures'),
         attempts=node.param('attempts'),
         proof_boxes=node.param('proof_boxes'),
+        detour_checks=node.param('detour_checks'),
         dwell=node.param('dwell'),
         rate_scale=node.param('rate_scale'),
         jerk_time=node.param('jerk_time'),

@@ -57,7 +57,7 @@ class CollisionModel:
     described: bool = False
 
     @cached_property
-    def _places(self) -> tuple[NDArray[np.intp], NDArray[np.bool_], Array, Array]:
+    def _places(self) -> tuple[NDArray[np.intp], NDArray[np.intp], Array, Array]:
         """Where each axis of the arm is in a configuration, which have two coordinates there.
 
         Last, what the model adds to their positions: a URDF's mimic joints have an offset.
@@ -66,7 +66,7 @@ class CollisionModel:
         offsets = [axis.offset for axis in self.chain.axes]
         return (
             np.array([joint.idx_q for joint in joints], dtype=np.intp),
-            np.array([joint.nq == 2 for joint in joints], dtype=np.bool_),
+            np.flatnonzero([joint.nq == 2 for joint in joints]),
             pinocchio.neutral(self.model),
             np.array(offsets) * self.described,
         )
@@ -80,7 +80,7 @@ class CollisionModel:
         full = neutral.copy()
         at = self.chain.axis_positions(q) + offsets
         full[places] = at
-        if turning.any():
+        if len(turning):
             full[places[turning]] = np.cos(at[turning])
             full[places[turning] + 1] = np.sin(at[turning])
         return full

@@ -27,7 +27,7 @@ from ft_manip_ros.core.planning.route import Route, plan_route, stop_route, touc
 from ft_manip_ros.core.planning.safety import check_trajectory
 from ft_manip_ros.core.planning.settings import PlanSettings, Policy
 from ft_manip_ros.core.planning.trajectory import Trajectory
-from ft_manip_ros.core.planning.triage import Finding, triage
+from ft_manip_ros.core.planning.triage import Finding, further_postures, triage
 
 
 def plan_task(
@@ -105,6 +105,12 @@ def plan_task(
         )
     if checker is not None and not halt and (pair := checker.touching(here)):
         halt = f'{pair[0]} and {pair[1]} touch where the arm comes to rest'
+
+    def more(finding: Finding) -> Array:
+        if checker is None:
+            return finding.postures.q
+        return further_postures(arrays, mask, finding, here, settings, checker)
+
     chosen, why_not = ([], halt) if halt else _to_visit(findings, bool(frozen), settings)
     route = stopping
     if chosen:
@@ -119,6 +125,7 @@ def plan_task(
             limits,
             settings,
             checker,
+            more,
         )
         findings = [_cut_off(f) if f.index in route.cut_off else f for f in findings]
         if route.cut_off and frozen and settings.policy == Policy.FINISH_ALL_OR_HALT:

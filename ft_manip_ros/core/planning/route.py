@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -14,6 +14,7 @@ from ft_manip_ros.core.planning.collision import CollisionChecker
 from ft_manip_ros.core.planning.limits import MotionLimits, travel
 from ft_manip_ros.core.planning.lines import Lines
 from ft_manip_ros.core.planning.margins import posture_margin
+from ft_manip_ros.core.planning.moves import Moves
 from ft_manip_ros.core.planning.ordering import fastest_order, safest_order
 from ft_manip_ros.core.planning.sequence import straight_time
 from ft_manip_ros.core.planning.settings import Order, PlanSettings
@@ -89,6 +90,7 @@ def plan_route(
     limits: MotionLimits,
     settings: PlanSettings,
     checker: CollisionChecker | None,
+    more: Callable[[Finding], Array],
 ) -> Route:
     """Visit the goals, each in the posture that makes the whole fastest.
 
@@ -110,6 +112,9 @@ def plan_route(
         Of all n joints.
     checker
         Of bodies that must not touch; None where they are not known.
+    more
+        Function that looks for further postures, (K, n), of a goal to which those known lead by
+        no way that touches nothing.
     """
     hard = limits.take(healthy)
     scaled = hard.scaled(settings.rate_scale)
@@ -127,20 +132,32 @@ def plan_route(
             # Only that of the first goal begins where the arm stops.
             begin = np.inf if goal or halt is None else halt.duration
             return np.array([begin + move.duration for move in straight[goal].values()])
-        return _first_times(groups[goal], q, v, here[healthy], scaled, hard, halt)
+        return _first_times(moves.group(goal), q, v, here[healthy], scaled, hard, halt)
 
-    extra = [np.zeros(len(group)) for group in groups]
-    if settings.limit_weight > 0.0:
-        extra = [settings.limit_weight * limit_closeness(group, scaled) for group in groups]
-    way = WayFinder(
-        groups, first_times, extra, scaled, here, healthy, checker, settings.seed, straight
-    ).find()
+    def extra(goal: int) -> Array:
+        if settings.limit_weight == 0.0:
+            return np.zeros(len(moves.group(goal)))
+        return settings.limit_weight * limit_closeness(moves.group(goal), scaled)
+
+    def others(goal: int) -> Array:
+        return folded(more(findings[goal])[:, healthy], here[healthy], hard)
+
+    moves = Moves(
+        groups,
+        scaled,
+        here,
+        healthy,
+        checker,
+        straight,
+        checks=settings.detour_checks,
+        seed=settings.seed,
+    )
+    way = WayFinder(moves, len(groups), first_times, extra, scaled, others).find()
     parts: list[Motion] = [] if halt is None else [halt]
     visits: dict[int, Visit] = {}
     at, clock = (q, 0.0) if halt is None else (halt.positions[-1], halt.duration)
     for place, (k, pick) in enumerate(zip(way.kept, way.picks, strict=True)):
-        targets = [way.vias[place]] if place in way.vias else []
-        for target in [*targets, groups[k][pick]]:
+        for target in [*way.vias.get(place, ()), moves.group(k)[pick]]:
             if k in straight:
                 before = way.picks[place - 1] if place else 0
                 move = straight[k][before, pick]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Sequence
 
 import numpy as np
 from numba import njit
@@ -111,7 +111,7 @@ def choose_postures(
     limits: MotionLimits,
     *,
     extra: list[Array] | None = None,
-    penalties: Mapping[tuple[int, int, int], float] | None = None,
+    penalties: Sequence[Array] | None = None,
 ) -> tuple[list[int], float]:
     """Pick one candidate of each goal for least total time, by dynamic programming.
 
@@ -127,8 +127,8 @@ def choose_postures(
         Seconds to add for choosing a candidate, one array of shape (K_l,) a goal; how other
         wishes than time (distance from limits) weigh in.
     penalties
-        Seconds to add for single moves, by goal, candidate of the goal before, and candidate:
-        infinite where the way is blocked, and what a detour costs.
+        Seconds to add for single moves, infinite where the way is blocked: for each goal but
+        the first, shape (K_before, K_l).
 
     Returns
     -------
@@ -146,8 +146,8 @@ def choose_postures(
         if extra is not None:
             added[k, : len(group)] = extra[k]
     between = np.zeros((layers, postures.shape[1], postures.shape[1]))
-    for move, penalty in (penalties or {}).items():
-        between[move] = penalty
+    for k, penalty in enumerate(penalties or (), start=1):
+        between[k, : penalty.shape[0], : penalty.shape[1]] = penalty
     path, total = _cheapest_path(
         np.ascontiguousarray(first, dtype=float),
         postures,

@@ -55,6 +55,8 @@ class PlanSettings:
         Accuracy of the postures (m, rad); each goal's own tolerance decides what counts.
     proof_boxes
         Branch-and-bound boxes per goal to prove it lost, after the plan has left.
+    detour_checks
+        Moves that may be checked for collision to find ways round, where no straight way is free.
     dwell
         Rest at each goal (s).
     rate_scale
@@ -78,6 +80,7 @@ class PlanSettings:
     ik_tolerance: float = 1e-6
     ik_orientation_tolerance: float = 1e-6
     proof_boxes: int = 50_000
+    detour_checks: int = 800
     dwell: float = 0.2
     rate_scale: float = 0.95
     jerk_time: float = 0.1
@@ -93,7 +96,7 @@ class PlanSettings:
         for key in ('ik_tolerance', 'ik_orientation_tolerance', 'jerk_time', 'sample_period'):
             if getattr(self, key) <= 0.0:
                 raise InputError(f'planning: {key}', f'is {getattr(self, key)}; must be > 0')
-        for key in ('dwell', 'limit_weight', 'seed'):
+        for key in ('detour_checks', 'dwell', 'limit_weight', 'seed'):
             if getattr(self, key) < 0:
                 raise InputError(f'planning: {key}', f'is {getattr(self, key)}; must be >= 0')
         for key in ('postures', 'attempts', 'proof_boxes'):

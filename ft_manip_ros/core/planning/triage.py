@@ -16,6 +16,11 @@ from ft_manip_ros.core.planning.postures import Postures, find_postures
 from ft_manip_ros.core.planning.reach import proved_miss
 from ft_manip_ros.core.planning.settings import PlanSettings, Relaxation
 
+# How much longer to look for postures of a goal when those found touch or lead nowhere, and what
+# tells the random starts of that search from those of the first.
+_PATIENCE = (4, 32)
+_OTHER_SEED = 1_000_003
+
 
 @dataclass(frozen=True, eq=False)
 class Finding:
@@ -90,7 +95,7 @@ def triage(
         starts = np.vstack([near, hints[index]]) if index in hints else near
         finding = _judge(chain, rod, frozen, index, goal, starts, settings, blur)
         if checker is not None:
-            finding = _without_touching(finding, checker)
+            finding = _without_touching(chain, frozen, finding, here, settings, checker)
         findings.append(finding)
         if len(finding.postures.q):
             near = np.vstack([finding.postures.q[: settings.postures // 2 + 1], here])
@@ -124,18 +129,54 @@ def _judge(
     return Finding(goal, index, Outcome.UNDECIDED, goal, None, asked, reason)
 
 
-def _without_touching(finding: Finding, checker: CollisionChecker) -> Finding:
-    """Drop the postures in which bodies touch; without any left the goal is open."""
+def further_postures(
+    chain: ChainArrays,
+    frozen: NDArray[np.bool_],
+    finding: Finding,
+    here: Array,
+    settings: PlanSettings,
+    checker: CollisionChecker,
+) -> Array:
+    """Look longer for postures, (K, n), of a goal, and return those in which nothing touches.
+
+    Those of the finding may be among them. Parameters as for `triage`.
+    """
+    free = np.empty((0, len(here)))
+    for patience in _PATIENCE:
+        patient = replace(
+            settings,
+            postures=patience * settings.postures,
+            attempts=patience * settings.attempts,
+        )
+        seed = settings.seed + finding.index + _OTHER_SEED * patience
+        found = find_postures(chain, frozen, finding.relaxed, here[None, :], patient, seed=seed)
+        free = np.array([q for q in found.q if not checker.touches(q)]).reshape(-1, len(here))
+        if len(free):
+            break
+    return free
+
+
+def _without_touching(
+    chain: ChainArrays,
+    frozen: NDArray[np.bool_],
+    finding: Finding,
+    here: Array,
+    settings: PlanSettings,
+    checker: CollisionChecker,
+) -> Finding:
+    """Drop the postures in which bodies touch; without any others either the goal is open."""
     found = finding.postures
     free = np.array([not checker.touches(q) for q in found.q], dtype=bool)
     if free.all():
         return finding
     kept = replace(found, q=found.q[free])
+    if not len(kept.q):
+        kept = replace(found, q=further_postures(chain, frozen, finding, here, settings, checker))
     if len(kept.q):
         return replace(finding, postures=kept, reason=_reached(kept))
     pair = checker.touching(found.q[0])
     between = ' and '.join(pair) if pair else 'bodies'
-    reason = f'{between} touch in each of the {len(free)} postures found'
+    reason = f'{between} touch, as bodies do in every other posture found'
     return replace(finding, postures=kept, outcome=Outcome.UNDECIDED, reason=reason)
 
 

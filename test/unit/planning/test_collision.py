@@ -6,6 +6,7 @@ import numpy as np
 import pinocchio
 import pytest
 
+from bench.free_space import FreeSpace
 from ft_manip_ros.core.arm_file import load_arm
 from ft_manip_ros.core.chain import Joint, SerialChain
 from ft_manip_ros.core.config_files import find_config
@@ -108,6 +109,65 @@ def test_plan_goes_round_what_blocks_the_straight_way():
     assert plan.trajectory.duration > blind.trajectory.duration
     at, _ = plan.trajectory.path().sample(plan.outcomes[0].arrival)
     assert np.linalg.norm(fk(ARM, at)[1] - goals[0].position) < 1e-3
+
+
+def test_a_way_with_several_corners_is_found():
+    # The whole arm turns about its base between two posts only when it is folded, and folds only
+    # away from them: no straight way, and none with one posture in between.
+    posts = [ball([1.5 * np.cos(t), 1.5 * np.sin(t), 0.0], 0.1) for t in (0.6, 1.2, 1.8, 2.4)]
+    judge = checker(*posts)
+    start = [0.0, 0.0]
+    goals = [Goal(np.array([2.0 * np.cos(t), 2.0 * np.sin(t), 0.0])) for t in (0.9, 1.5, 2.1, 2.7)]
+    plan = planned(goals, start, judge)
+    assert plan.status == PlanStatus.FINISHES
+    assert_free(plan, judge)
+    again = planned(goals, start, judge)
+    np.testing.assert_array_equal(plan.trajectory.positions, again.trajectory.positions)
+
+
+def test_where_no_way_is_found_there_is_none_on_a_fine_grid():
+    arm = planar(3)
+    rng = np.random.default_rng(5)
+    ends = {True: 0, False: 0}
+    for _ in range(12):
+        balls = [ball([*rng.uniform(-2.5, 2.5, 2), 0.0], 0.2) for _ in range(4)]
+        judge = checker(*balls, arm=arm)
+        locked = float(rng.uniform(-1.5, 1.5))
+
+        def posture(judge=judge, locked=locked):
+            while True:
+                q = rng.uniform(-np.pi, np.pi, 3)
+                q[1] = locked
+                if not judge.touches(q):
+                    return q
+
+        start, frozen = posture(), {'j1': locked}
+        goals = [Goal(fk(arm, posture())[1]) for _ in range(3)]
+        plan = planned(goals, start, judge, frozen=frozen, arm=arm)
+        finished = plan.status == PlanStatus.FINISHES
+        ends[finished] += 1
+        if finished:
+            assert_free(plan, judge)
+        else:
+            open_ones = [o.goal for o in plan.outcomes if not o.has_posture]
+            space = FreeSpace(arm, judge, frozen, grid=90)
+            assert not any(space.connects(start, [goal]) for goal in open_ones)
+    assert min(ends.values()) >= 2
+
+
+def test_other_postures_are_looked_for_when_those_found_touch():
+    # Elbow up or down: only one of them is free, whichever is found first.
+    goal = Goal(np.array([1.2, 0.9, 0.0]))
+    one = PlanSettings(postures=1)
+    blind = planned([goal], [0.3, 0.3], None, settings=one)
+    elbow = fk(ARM, blind.outcomes[0].posture)[1] * 0.0
+    first = blind.outcomes[0].posture[0]
+    elbow[:2] = np.cos(first), np.sin(first)
+    judge = checker(ball(elbow, 0.1))
+    plan = planned([goal], [0.3 - 2.0, 0.3], judge, settings=one)
+    assert plan.status == PlanStatus.FINISHES
+    assert np.sign(plan.outcomes[0].posture[1]) == -np.sign(blind.outcomes[0].posture[1])
+    assert_free(plan, judge)
 
 
 def test_goal_inside_an_obstacle_is_open_and_named():
