@@ -32,11 +32,14 @@ def run(args: argparse.Namespace) -> int:
     if args.arm:
         _compare(args, document)
     failed = 0
-    for (confirmed, text), goal in zip(verify(document), document['goals'], strict=False):
-        point = ', '.join(f'{value:g}' for value in goal['point'])
+    total = 0
+    centres = [goal['point'] for goal in document['goals']]
+    centres += [region.get('center', []) for region in document.get('regions', ())]
+    for (confirmed, text), centre in zip(verify(document), centres, strict=False):
+        point = ', '.join(f'{value:g}' for value in centre)
         print(f'{"confirmed" if confirmed else "REJECTED "}  ({point})  {text}', flush=True)
         failed += not confirmed
-    total = len(document['goals'])
+        total += 1
     print(f'{total - failed} of {total} confirmed')
     return 1 if failed else 0
 

@@ -1,15 +1,18 @@
-"""Text files that appear whole or not at all."""
+"""Files that appear whole or not at all."""
 
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from ft_manip_ros.core.errors import InputError
 
 
-def write_whole(path: str | os.PathLike[str], text: str) -> None:
-    """Write a text file beside its place and move it there, so that nobody sees half of it.
+@contextmanager
+def whole_file(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """Give a place beside ``path`` to write to, and move it there, so that nobody sees half.
 
     Raises
     ------
@@ -19,9 +22,15 @@ def write_whole(path: str | os.PathLike[str], text: str) -> None:
     target = Path(path)
     partial = target.with_name(f'.{target.name}.{os.getpid()}')
     try:
-        partial.write_text(text, encoding='utf-8')
+        yield partial
         partial.replace(target)
     except OSError as error:
         raise InputError(str(target), f'cannot be written: {error.strerror}') from error
     finally:
         partial.unlink(missing_ok=True)
+
+
+def write_whole(path: str | os.PathLike[str], text: str) -> None:
+    """Write a text file as `whole_file` does."""
+    with whole_file(path) as partial:
+        partial.write_text(text, encoding='utf-8')

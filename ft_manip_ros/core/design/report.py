@@ -20,6 +20,7 @@ from ft_manip_ros.core.design.restarts import random_state, solve_with_restarts
 from ft_manip_ros.core.ftws.query import query
 from ft_manip_ros.core.ftws.settings import FtwsSettings
 from ft_manip_ros.core.ftws.verdict import Verdict
+from ft_manip_ros.core.whole_file import whole_file
 
 matplotlib.use('Agg')
 import matplotlib.pyplot as plt
@@ -41,7 +42,7 @@ def write_report(
     *,
     cells: int = 21,
 ) -> None:
-    """Write the picture as PNG.
+    """Write the picture as PNG, whole or not at all.
 
     Parameters
     ----------
@@ -58,7 +59,8 @@ def write_report(
     _draw_arms(figure.add_subplot(1, 3, 1, projection='3d'), problem, result)
     _draw_slice(figure.add_subplot(1, 3, 2), problem, result, cells)
     _draw_penalties(figure.add_subplot(1, 3, 3), penalties)
-    figure.savefig(path, dpi=110, format='png')
+    with whole_file(path) as partial:
+        figure.savefig(partial, dpi=110, format='png')
     plt.close(figure)
 
 

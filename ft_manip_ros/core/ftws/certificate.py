@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -16,12 +17,15 @@ from ft_manip_ros.core.ftws.problem import Problem, goal_rows, prepare
 from ft_manip_ros.core.ftws.query import judge_one
 from ft_manip_ros.core.ftws.settings import FtwsSettings
 from ft_manip_ros.core.ftws.verdict import FtwsResult, Verdict
-from ft_manip_ros.core.ftws.verifier import NotConfirmedError, check_goal
+from ft_manip_ros.core.ftws.verifier import NotConfirmedError, check_goal, check_region
 from ft_manip_ros.core.ftws.verifier_arm import Arm
 from ft_manip_ros.core.goal import Goal
+from ft_manip_ros.core.whole_file import write_whole
 
 FORMAT = 'ft_manip_ros/ftws-certificate/1'
-_MOST_PIECES = 200_000
+# Room for the boxes of one goal: at first, and when several failures need millions.
+_FIRST_PIECES = 20_000
+_MOST_PIECES = 6_000_000
 
 
 def certify(
@@ -53,13 +57,11 @@ def certify(
     if len(set(free.tolist())) > 1:
         raise InputError('goals', 'mix free and fixed tool axes; certify them apart')
     problem = prepare(chain, mode, order, free_axis=bool(free.any()))
-    pieces = np.zeros((_MOST_PIECES, 1 + problem.order + problem.chain.n))
     results, entries = [], []
     for row in rows:
-        pieces[:] = 0.0
-        result = judge_one(problem, row, settings, pieces)
+        result, pieces = _judge(problem, row, settings)
         results.append(result)
-        entries.append(_entry(problem, row, result, pieces))
+        entries.append(_entry(problem, row, result, pieces, settings.radius))
     document = {
         'format': FORMAT,
         'mode': mode,
@@ -69,6 +71,18 @@ def certify(
         'goals': entries,
     }
     return results, document
+
+
+def _judge(problem: Problem, row: Array, settings: FtwsSettings) -> tuple[FtwsResult, Array]:
+    """Judge one goal and return the boxes of its proof, however many there are."""
+    room = _FIRST_PIECES
+    while True:
+        pieces = np.zeros((room, 1 + problem.order + problem.chain.n))
+        result = judge_one(problem, row, settings, pieces)
+        used = pieces[np.abs(pieces[:, 1 : 1 + problem.order]).max(axis=1) > 0.0]
+        if len(used) < room or room >= _MOST_PIECES:
+            return result, used
+        room = min(room * 17, _MOST_PIECES)
 
 
 def _arm_entry(problem: Problem) -> dict[str, Any]:
@@ -91,12 +105,15 @@ def _arm_entry(problem: Problem) -> dict[str, Any]:
     }
 
 
-def _entry(problem: Problem, row: Array, result: FtwsResult, pieces: Array) -> dict[str, Any]:
+def _entry(
+    problem: Problem, row: Array, result: FtwsResult, pieces: Array, radius: float
+) -> dict[str, Any]:
     entry: dict[str, Any] = {
         'point': list(result.point),
         'order': problem.order,
         'verdict': result.verdict.value,
         'reason': result.reason,
+        'radius': 0.0 if result.verdict is Verdict.UNDECIDED else radius,
     }
     if problem.oriented:
         entry['orientation'] = [*row[4:].tolist(), float(row[3])]
@@ -106,28 +123,20 @@ def _entry(problem: Problem, row: Array, result: FtwsResult, pieces: Array) -> d
         entry['residual'] = result.residual
     if result.verdict is Verdict.MEMBER:
         k = problem.order
-        used = pieces[np.abs(pieces[:, 1 : 1 + k]).max(axis=1) > 0.0]
         entry['pieces'] = [
             {
                 'joints': [problem.chain.joint_names[j] for j in problem.combos[int(piece[0])]],
                 'half': piece[1 : 1 + k].tolist(),
                 'posture': piece[1 + k :].tolist(),
             }
-            for piece in used
+            for piece in pieces
         ]
     return entry
 
 
 def save_certificate(document: Mapping[str, Any], path: str | os.PathLike[str]) -> None:
     """Write a certificate; the file appears whole or not at all."""
-    target = Path(path)
-    partial = target.with_name(f'.{target.name}.{os.getpid()}')
-    try:
-        partial.write_text(json.dumps(document), encoding='utf-8')
-        partial.replace(target)
-    except OSError as error:
-        partial.unlink(missing_ok=True)
-        raise InputError(str(target), f'cannot be written: {error.strerror}') from error
+    write_whole(path, json.dumps(document))
 
 
 def load_certificate(path: str | os.PathLike[str]) -> dict[str, Any]:
@@ -153,7 +162,7 @@ def load_certificate(path: str | os.PathLike[str]) -> dict[str, Any]:
 
 
 def verify(document: Mapping[str, Any]) -> Iterator[tuple[bool, str]]:
-    """Check a certificate, goal by goal.
+    """Check a certificate: goal by goal, then volume by volume.
 
     Yields
     ------
@@ -166,19 +175,37 @@ def verify(document: Mapping[str, Any]) -> Iterator[tuple[bool, str]]:
     InputError
         For entries that are missing or malformed.
     """
-    try:
+    with _malformed('arm'):
         arm = Arm(
             document['arm'],
             document['mode'],
             float(document['tolerance']),
             float(document['orientation_tolerance']),
         )
-    except (KeyError, TypeError, ValueError, IndexError) as error:
-        raise InputError('certificate: arm', f'is malformed: {error!r}') from None
+    confirmed: list[bool] = []
     for i, goal in enumerate(document['goals']):
-        try:
-            yield True, f'{goal["verdict"]}: {check_goal(arm, goal)}'
-        except NotConfirmedError as rejection:
-            yield False, f'{goal["verdict"]}: {rejection}'
-        except (KeyError, TypeError, ValueError, IndexError) as error:
-            raise InputError(f'certificate: goals[{i}]', f'is malformed: {error!r}') from None
+        with _malformed(f'goals[{i}]'):
+            try:
+                outcome = True, f'{goal["verdict"]}: {check_goal(arm, goal)}'
+            except NotConfirmedError as rejection:
+                outcome = False, f'{goal["verdict"]}: {rejection}'
+        confirmed.append(outcome[0])
+        yield outcome
+    for i, region in enumerate(document.get('regions', ())):
+        with _malformed(f'regions[{i}]'):
+            claim = f'all of the {region["shape"]}'
+            try:
+                text = check_region(arm, region, document['goals'], confirmed)
+                outcome = True, f'{claim}: {text}'
+            except NotConfirmedError as rejection:
+                outcome = False, f'{claim}: {rejection}'
+        yield outcome
+
+
+@contextmanager
+def _malformed(entry: str) -> Iterator[None]:
+    """Say which entry of a certificate cannot be read."""
+    try:
+        yield
+    except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
+        raise InputError(f'certificate: {entry}', f'is malformed: {error!r}') from None

@@ -1,32 +1,25 @@
 """Independent check of FTWS certificates, in plain NumPy.
 
-Shares no code with the engine, and uses weaker but simpler mathematics: straight families of
-postures with the second derivative at their centre and a bound of the third, and branch and
-bound by gradients.
-What the certificate gives are only starting points: boxes that are too wide for the simple
-bound are halved and their postures corrected here.
+Shares no code with the engine but the chain's definition. What a certificate gives are hints:
+postures to start from and boxes to try. A claim counts only as far as it is proved here again,
+by the inequalities of `verifier_member` and `verifier_lost`, and only where what was proved
+covers all of it (`verifier_cover`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from ft_manip_ros.core.ftws.verifier_arm import Arm, Array
+from ft_manip_ros.core.ftws.verifier_cover import uncovered
+from ft_manip_ros.core.ftws.verifier_lost import NotLostError, prove_lost
+from ft_manip_ros.core.ftws.verifier_member import proved_boxes
 
-_DEPTH = 16
-_BALLS = 14
-_ROUNDING = 1e-11
-# Boxes reach this far into each other (rad or m), lest rounding part them.
-_OVERLAP = 1e-12
-# How far (rad or m) postures of halved boxes start from the limits.
-_INSET = 5e-3
-_BATCH = 4096
-# Pieces taken at once, and boxes of them at once before the rest counts as not proved.
-_CHUNK = 256
-_MOST_BOXES = 30_000
+# Cells of a volume that are this near (m) touch; far below the tolerance that goals are held to.
+_TOUCHING = 1e-12
 
 
 class NotConfirmedError(Exception):
@@ -34,7 +27,7 @@ class NotConfirmedError(Exception):
 
 
 def check_goal(arm: Arm, goal: Mapping[str, Any], budget: int = 2_000_000) -> str:
-    """Check one goal of a certificate.
+    """Check one goal of a certificate, with the ball of goals around it that it speaks of.
 
     Returns
     -------
@@ -50,182 +43,144 @@ def check_goal(arm: Arm, goal: Mapping[str, Any], budget: int = 2_000_000) -> st
     if verdict == 'undecided':
         return 'claims nothing'
     target = arm.goal(goal['point'], goal.get('orientation'))
+    radius = float(goal.get('radius', 0.0))
+    if not radius >= 0.0:
+        raise NotConfirmedError(f'radius {radius} is not a number >= 0')
     if verdict == 'non_member':
-        at = {arm.index(name): a for name, a in zip(goal['joints'], goal['angles'], strict=True)}
-        return _check_lost(arm, target, at, float(goal['residual']), budget)
+        return _check_lost(arm, goal, target, radius, budget)
     if verdict != 'member':
         raise NotConfirmedError(f'verdict {verdict!r} is not one of member, non_member, undecided')
-    proved = 0
+    return _check_member(arm, goal, target, radius)
+
+
+def _check_member(arm: Arm, goal: Mapping[str, Any], target: Array, radius: float) -> str:
+    if arm.plane_distance(target) > arm.tolerance:
+        raise NotConfirmedError('the goal is off the plane of the arm')
+    pieces: dict[tuple[str, ...], list[Mapping[str, Any]]] = {}
+    for piece in goal['pieces']:
+        pieces.setdefault(tuple(piece['joints']), []).append(piece)
+    count = 0
     for combo in arm.combos(int(goal['order'])):
-        named = [arm.names[j] for j in combo]
-        pieces = [piece for piece in goal['pieces'] if piece['joints'] == named]
-        low = np.array([arm.operating[0, j] for j in combo])
-        high = np.array([arm.operating[1, j] for j in combo])
-        q = np.array([piece['posture'] for piece in pieces], float).reshape(-1, arm.n)
-        half = np.array([piece['half'] for piece in pieces], float).reshape(-1, len(combo))
-        boxes = []
-        for i in range(0, len(q), _CHUNK):
-            boxes += _proved(arm, target, combo, q[i : i + _CHUNK], half[i : i + _CHUNK])
-        boxes.sort(key=lambda box: tuple(box[0]))
-        left = uncovered(low, high, boxes)
+        names = tuple(arm.names[j] for j in combo)
+        mine = pieces.get(names, [])
+        q = np.array([piece['posture'] for piece in mine], float).reshape(-1, arm.n)
+        half = np.array([piece['half'] for piece in mine], float).reshape(-1, len(combo))
+        if not (np.isfinite(q).all() and np.isfinite(half).all() and (half >= 0.0).all()):
+            raise ValueError('a piece has a number that is not finite, or a negative half-width')
+        q = _first_turn(arm, q)
+        lows, highs = _both_turns(arm, combo, *proved_boxes(arm, target, combo, q, half, radius))
+        left = uncovered(arm.operating[0, combo], arm.operating[1, combo], lows, highs)
         if left is not None:
-            names = ', '.join(named)
-            raise NotConfirmedError(f'{names} at {left.round(6).tolist()} is covered by no proof')
-        proved += len(boxes)
-    return f'{proved} proved boxes cover every combination'
+            where = ', '.join(names)
+            raise NotConfirmedError(f'{where} at {left.round(6).tolist()} is covered by no proof')
+        count += len(lows)
+    # What a planar arm can do nothing about is no part of its ball.
+    kind = 'ball' if arm.normal is None else 'disc'
+    around = f', for the {kind} of {radius:g} m around it' if radius > 0.0 else ''
+    return f'{count} proved boxes cover every combination{around}'
 
 
-def uncovered(low: Array, high: Array, boxes: list[tuple[Array, Array]]) -> Array | None:
-    """Return a point of the box [low, high] outside the union of ``boxes``, or None."""
-    stack = [(low, high, 0)]
-    while stack:
-        a, b, first = stack.pop()
-        for i in range(first, len(boxes)):
-            c, d = boxes[i]
-            if (c > b).any() or (d < a).any() or ((d <= a) & (a < b)).any():
-                continue
-            # Cut off what sticks out of box i on each side; the rest of [a, b] lies in it.
-            a, b = a.copy(), b.copy()
-            for j in range(len(a)):
-                if a[j] < c[j]:
-                    upper = b.copy()
-                    upper[j] = c[j]
-                    stack.append((a.copy(), upper, i + 1))
-                    a[j] = c[j]
-                if b[j] > d[j]:
-                    lower = a.copy()
-                    lower[j] = d[j]
-                    stack.append((lower, b.copy(), i + 1))
-                    b[j] = d[j]
-            break
-        else:
-            return 0.5 * (a + b)
-    return None
+def _first_turn(arm: Arm, q: Array) -> Array:
+    """Postures (N, n) with joints without limits in the turn about their operating range."""
+    middle = 0.5 * (arm.operating[0] + arm.operating[1])
+    turns = np.where(arm.wraps, np.round((q - middle) / (2.0 * np.pi)), 0.0)
+    first: Array = q - 2.0 * np.pi * turns
+    return first
 
 
-def _proved(
-    arm: Arm, target: Array, combo: list[int], q: Array, half: Array
-) -> list[tuple[Array, Array]]:
-    """Prove postures within the limits over boxes of frozen positions, halving them as needed.
+def _both_turns(arm: Arm, combo: list[int], lows: Array, highs: Array) -> tuple[Array, Array]:
+    """Boxes, and as they come round again at the other end of a full turn."""
+    for column, joint in enumerate(combo):
+        if not arm.wraps[joint]:
+            continue
+        move = np.zeros(len(combo))
+        move[column] = 2.0 * np.pi
+        before = lows[:, column] + move[column] <= arm.operating[1, joint]
+        after = highs[:, column] - move[column] >= arm.operating[0, joint]
+        lows, highs = (
+            np.concatenate([ends, ends[before] + move, ends[after] - move])
+            for ends in (lows, highs)
+        )
+    return lows, highs
 
-    ``q`` (N, n) are postures at the boxes' centres, ``half`` (N, k) their half-widths. Returns
-    the ends of the boxes that were proved: pieces overlap, so some may fail.
+
+def check_region(
+    arm: Arm,
+    region: Mapping[str, Any],
+    goals: Sequence[Mapping[str, Any]],
+    confirmed: Sequence[bool],
+) -> str:
+    """Check that confirmed balls of goals cover a volume: the boxes inside them do.
+
+    Parameters
+    ----------
+    region
+        Shape, centre, half edges or radius; the cells: boxes, each with the number of its goal.
+    goals, confirmed
+        The certificate's goals, and whether each is confirmed.
+
+    Returns
+    -------
+    str
+        What was confirmed.
+
+    Raises
+    ------
+    NotConfirmedError
+        If a part of the volume is in no cell, or a cell sticks out of its ball.
     """
-    boxes: list[tuple[Array, Array]] = []
-    half = half + _OVERLAP
-    free = [i for i in range(arm.n) if i not in combo]
-    inset = np.where(arm.wraps, -np.inf, np.minimum(_INSET, 0.25 * (arm.upper - arm.lower)))
-    low, high = (arm.lower + inset)[free], (arm.upper - inset)[free]
-    for _ in range(_DEPTH + 1):
-        if not len(q) or len(q) > _MOST_BOXES:
-            break
-        q = arm.correct(q, free, target)
-        residual = arm.residuals(q, target)
-        jacobian, distance, axes, linear = arm.jacobians(q, target)
-        start = np.linalg.norm(residual, axis=1) + _ROUNDING
-        part = jacobian[:, :, free]
-        inverse = arm.inverse(part, q[:, free], free)
-        tangent = np.zeros((len(q), arm.n, len(combo)))
-        tangent[:, free] = -inverse @ jacobian[:, :, combo]
-        for column, joint in enumerate(combo):
-            tangent[:, joint, column] = 1.0
-        along = np.einsum('nik,nk->ni', np.abs(tangent), half)
-        missed = (np.linalg.norm(jacobian @ tangent, axis=1) * half).sum(axis=1)
-        gain = np.zeros((len(q), arm.n))
-        gain[:, free] = np.linalg.norm(inverse, axis=2)
-        second = _second_order(arm.hessians(axes, linear), tangent, inverse, free, half)
-        defect = np.linalg.norm(part @ inverse - np.eye(part.shape[1]), axis=(1, 2))
-        slack = np.where(arm.wraps, np.inf, np.minimum(q - arm.lower, arm.upper - q))
-        slack[:, combo] = np.inf
-        proved = np.zeros(len(q), dtype=bool)
-        rho = np.zeros(len(q))
-        for ball in range(_BALLS):
-            v = along + gain * rho[:, None]
-            bend = second[0] + rho * (second[1] + rho * second[2])
-            error = start + missed + defect * rho + arm.remainder(distance, v, bend)
-            error *= 1.0 + 1e-9
-            # Without a ball nothing is corrected, but the posture may be near enough as it is.
-            allowed = arm.tolerance if ball == 0 else rho
-            proved |= (error <= allowed) & (v <= slack).all(axis=1)
-            rho = np.maximum(2.0 * start, 1e-9) if ball == 0 else 2.5 * rho
-        done = q[proved][:, combo]
-        boxes += zip(done - half[proved], done + half[proved], strict=True)
-        q, half, tangent = q[~proved], half[~proved], tangent[~proved]
-        rows = np.arange(len(q))
-        side = np.argmax(half, axis=1)
-        half = half.copy()
-        half[rows, side] *= 0.5
-        step = half[rows, side][:, None] * tangent[rows, :, side]
-        half[rows, side] += _OVERLAP
-        q, half = np.concatenate([q - step, q + step]), np.concatenate([half, half])
-        # Off the limits, where the self-motion allows it: at one, no box is admissible.
-        q[:, free] = np.clip(q[:, free], low, high)
-    return boxes
+    if arm.normal is not None:
+        raise NotConfirmedError('an arm that moves in a plane reaches no volume whole')
+    centre = np.array(region['center'], float).reshape(3)
+    radius = np.inf
+    if region['shape'] == 'sphere':
+        radius = float(region['radius'])
+        half = np.full(3, radius)
+    elif region['shape'] == 'box':
+        half = np.array(region['half'], float).reshape(3)
+    else:
+        raise NotConfirmedError(f'shape {region["shape"]!r} is not one of box, sphere')
+    if not (half > 0.0).all():
+        raise NotConfirmedError(f'{half.tolist()} are no half edges of a volume')
+    lows, highs = [np.zeros((0, 3))], [np.zeros((0, 3))]
+    for cell in region['cells']:
+        number = int(cell['goal'])
+        goal = goals[number] if 0 <= number < len(goals) else {'verdict': 'missing'}
+        place, size = np.array(cell['center'], float), np.array(cell['half'], float)
+        if not (goal['verdict'] == 'member' and confirmed[number]):
+            raise NotConfirmedError(f'goal {number} is no confirmed member')
+        if any(goal.get(key) != region.get(key) for key in ('order', 'orientation')):
+            raise NotConfirmedError(f'goal {number} is of another order or orientation')
+        off = np.linalg.norm(np.abs(place - goal['point']) + size)
+        if not off <= float(goal.get('radius', 0.0)):
+            raise NotConfirmedError(f'the cell of goal {number} sticks out of its ball')
+        lows.append((place - size - _TOUCHING)[None])
+        highs.append((place + size + _TOUCHING)[None])
 
+    def outside(low: Sequence[float], high: Sequence[float]) -> bool:
+        nearest = np.clip(centre, low, high)
+        return bool(np.linalg.norm(nearest - centre) > radius)
 
-def _second_order(
-    hessian: Array, tangent: Array, inverse: Array, free: list[int], half: Array
-) -> tuple[Array, Array, Array]:
-    """Bounds of |H[d, d]| for d = tangents within the box plus inverse times a ball.
-
-    Returns the coefficients (N,) of the ball's radius to the powers 0, 1 and 2.
-    """
-    bent = np.einsum('nrij,njk->nrik', hessian, tangent)
-    pairs = np.linalg.norm(np.einsum('nrik,nil->nrkl', bent, tangent), axis=1)
-    mixed = np.linalg.norm(np.einsum('nrik,nia->nrka', bent[:, :, free], inverse), axis=(1, 3))
-    part = np.einsum('nrij,nja->nria', hessian[:, :, free][:, :, :, free], inverse)
-    square = np.einsum('nria,nib->nrab', part, inverse)
-    return (
-        np.einsum('nkl,nk,nl->n', pairs, half, half),
-        2.0 * (mixed * half).sum(axis=1),
-        np.sqrt((square**2).sum(axis=(1, 2, 3))),
+    left = uncovered(
+        centre - half, centre + half, np.concatenate(lows), np.concatenate(highs), outside
     )
+    if left is not None:
+        raise NotConfirmedError(f'the point {left.round(6).tolist()} is in no confirmed ball')
+    return f'covered by {len(lows) - 1} confirmed balls'
 
 
 def _check_lost(
-    arm: Arm, target: Array, at: dict[int, float], distance: float, budget: int
+    arm: Arm, goal: Mapping[str, Any], target: Array, radius: float, budget: int
 ) -> str:
-    """Confirm by branch and bound that no posture with joints frozen ``at`` reaches the goal."""
+    at = {arm.index(name): a for name, a in zip(goal['joints'], goal['angles'], strict=True)}
     for joint, angle in at.items():
         if not arm.operating[0, joint] - 1e-9 <= angle <= arm.operating[1, joint] + 1e-9:
             raise NotConfirmedError(f'{arm.names[joint]} cannot freeze at {angle}')
-    if arm.plane_distance(target) > arm.tolerance:
+    least = arm.tolerance + radius
+    if arm.plane_distance(target) > least:
         return 'the goal is off the plane of the arm'
-    free = [i for i in range(arm.n) if i not in at]
-    centres = 0.5 * (arm.lower + arm.upper)[None, :]
-    halves = 0.5 * (arm.upper - arm.lower)[None, :]
-    for joint, angle in at.items():
-        centres[:, joint], halves[:, joint] = angle, 0.0
-    # Prove a little less than was claimed, but more than the tolerance.
-    needed = arm.tolerance + 0.1 * max(distance - arm.tolerance, 0.0)
-    aim: Array | None = None
-    smallest = np.inf
-    spent = 0
-    while len(centres):
-        taken, centres = centres[-_BATCH:], centres[:-_BATCH]
-        widths, halves = halves[-_BATCH:], halves[:-_BATCH]
-        spent += len(taken)
-        if spent > budget:
-            raise NotConfirmedError(f'not refuted within {budget} boxes')
-        residuals = arm.residuals(taken, target)
-        norms = np.linalg.norm(residuals, axis=1)
-        nearest = int(np.argmin(norms))
-        if norms[nearest] < 0.9 * smallest:
-            q = arm.descend(taken[nearest], free, target)
-            residual = arm.residuals(q[None], target)[0]
-            smallest = min(smallest, float(np.linalg.norm(residual)), norms[nearest])
-            if smallest <= arm.tolerance:
-                raise NotConfirmedError(f'a posture reaches the goal to {smallest:.3g} m')
-            aim = residual / np.linalg.norm(residual)
-        bounds, cost = arm.lower_bounds(taken, widths, residuals, target, aim)
-        left = bounds <= needed
-        taken, widths, cost = taken[left], widths[left], cost[left]
-        side = np.argmax(cost, axis=1)
-        rows = np.arange(len(taken))
-        widths[rows, side] *= 0.5
-        for sign in (-1.0, 1.0):
-            moved = taken.copy()
-            moved[rows, side] += sign * widths[rows, side]
-            centres = np.concatenate([centres, moved])
-            halves = np.concatenate([halves, widths])
+    try:
+        spent = prove_lost(arm, target, at, float(goal['residual']), least, budget)
+    except NotLostError as error:
+        raise NotConfirmedError(str(error)) from None
     return f'refuted again with {spent} boxes'

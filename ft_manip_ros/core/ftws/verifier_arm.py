@@ -4,15 +4,31 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from itertools import combinations
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-# Closer to a limit than this (rad or m), a joint is asked to contribute less.
-_LIMIT_ZONE = 0.4
+
+class Derivatives(NamedTuple):
+    """The residual of N postures and its derivatives; n joints, m equations.
+
+    Attributes
+    ----------
+    residual : shape (N, m)
+        m; rows of the orientation are metres too, by the arm's length scale.
+    jacobian : shape (N, m, n)
+    hessian : shape (N, m, n, n)
+    distance : shape (N, n)
+        Of the tool from each axis (m); of slides unused.
+    """
+
+    residual: Array
+    jacobian: Array
+    hessian: Array
+    distance: Array
 
 
 class Arm:
@@ -117,165 +133,122 @@ class Arm:
         """Distance of a goal from what a planar arm can change: off its plane, or tilted (m)."""
         if self.normal is None:
             return 0.0
-        full = self._full_residuals(np.zeros((1, self.n)), goal)[0]
-        height = float(self.normal @ full[:3])
+        _, _, rotation, position = self.frames(np.zeros((1, self.n)))
+        height = float(self.normal @ (position[0] - goal[:3]))
         tilt = 0.0
         if self.oriented:
-            relative = self.frames(np.zeros((1, self.n)))[2][0] @ goal[3:].reshape(3, 3).T
+            relative = rotation[0] @ goal[3:].reshape(3, 3).T
             tilt = self.length * float(np.linalg.norm(relative @ self.normal - self.normal))
         return float(np.hypot(height, tilt))
 
-    def _full_residuals(self, q: Array, goal: Array) -> Array:
-        _, _, rotation, position = self.frames(q)
-        out = position - goal[:3]
-        if not self.oriented:
-            return out
-        e = _twice_vector_part(rotation @ goal[3:].reshape(3, 3).T)
-        return np.concatenate([out, self.length * e], axis=1)
-
     def residuals(self, q: Array, goal: Array) -> Array:
         """Residuals (N, m) of postures (N, n)."""
-        return self._full_residuals(q, goal) @ self.rows.T
+        _, _, rotation, position = self.frames(q)
+        return self._residuals(rotation, position, goal)[0]
 
-    def jacobians(self, q: Array, goal: Array) -> tuple[Array, Array, Array, Array]:
-        """Jacobians (N, m, n), distances (N, n), axes and linear velocities (N, n, 3)."""
+    def _residuals(self, rotation: Array, position: Array, goal: Array) -> tuple[Array, Array]:
+        """Residuals (N, m) and vector parts (N, 3) of the error quaternions."""
+        out = position - goal[:3]
+        e = np.zeros_like(position)
+        if self.oriented:
+            e = _vector_part(rotation @ goal[3:].reshape(3, 3).T)
+            out = np.concatenate([out, 2.0 * self.length * e], axis=1)
+        return out @ self.rows.T, e
+
+    def jacobians(self, q: Array, goal: Array) -> tuple[Array, Array]:
+        """Residuals (N, m) and Jacobians (N, m, n)."""
         axes, origins, rotation, position = self.frames(q)
-        linear = np.cross(axes, position[:, None] - origins)
+        residual, e = self._residuals(rotation, position, goal)
+        return residual, self._jacobians(axes, self._linear(axes, origins, position), e)
+
+    def _linear(self, axes: Array, origins: Array, position: Array) -> Array:
+        """Linear velocities (N, n, 3) of the tool by each joint."""
+        linear = _cross(axes, position[:, None] - origins)
         linear[:, self.prismatic] = axes[:, self.prismatic]
+        return linear
+
+    def _jacobians(self, axes: Array, linear: Array, e: Array) -> Array:
         full = linear
         if self.oriented:
-            e = 0.5 * _twice_vector_part(rotation @ goal[3:].reshape(3, 3).T)
             w = np.sqrt(np.maximum(1.0 - (e * e).sum(axis=1), 0.0))
-            spin = self.length * (w[:, None, None] * axes + np.cross(axes, e[:, None]))
+            spin = self.length * (w[:, None, None] * axes + _cross(axes, e[:, None]))
             spin[:, self.prismatic] = 0.0
             full = np.concatenate([linear, spin], axis=2)
-        jacobian = np.einsum('ra,nia->nri', self.rows, full)
-        return jacobian, np.linalg.norm(linear, axis=2), axes, linear
+        return self.rows @ full.transpose(0, 2, 1)
 
-    def hessians(self, axes: Array, linear: Array) -> Array:
-        """Second derivatives (N, m, n, n) of the position rows, from what `jacobians` returns."""
-        # With i <= k, d2p / dq_i dq_k = z_i x dp / dq_k for a revolute joint i, else zero.
-        turned = np.cross(axes[:, :, None], linear[:, None])
-        turned[:, self.prismatic] = 0.0
-        upper = turned * np.triu(np.ones((self.n, self.n)))[:, :, None]
-        strict = turned * np.triu(np.ones((self.n, self.n)), 1)[:, :, None]
-        return np.einsum('ra,nika->nrik', self.rows[:, :3], upper + strict.transpose(0, 2, 1, 3))
+    def derivatives(self, q: Array, goal: Array) -> Derivatives:
+        """Residuals of postures (N, n) and their first and second derivatives.
 
-    def local(self, q: Array, goal: Array) -> tuple[Array, Array, Array]:
-        """Residual (m,), Jacobian (m, n) and distances (n,) at one posture."""
-        jacobian, distance, _, _ = self.jacobians(q[None], goal)
-        return self.residuals(q[None], goal)[0], jacobian[0], distance[0]
-
-    def inverse(self, jacobian: Array, q: Array, free: list[int]) -> Array:
-        """Right inverses (N, f, m) that ask less of joints near their limits."""
-        lower, upper = self.lower[free], self.upper[free]
-        zone = np.minimum(_LIMIT_ZONE, 0.5 * (upper - lower))
-        share = np.clip(np.minimum(q - lower, upper - q) / np.maximum(zone, 1e-12), 1e-2, 1.0)
-        weights = np.where(self.wraps[free], 1.0, share)
-        inverse: Array = weights[:, :, None] * np.linalg.pinv(
-            jacobian * weights[:, None, :], rcond=1e-7
-        )
-        return inverse
-
-    def correct(self, q: Array, free: list[int], goal: Array, steps: int = 6) -> Array:
-        """Newton's method on the free joints of postures (N, n)."""
-        q = q.copy()
-        for _ in range(steps):
-            residual = self.residuals(q, goal)
-            if np.linalg.norm(residual, axis=1).max() < 1e-12:
-                break
-            inverse = self.inverse(self.jacobians(q, goal)[0][:, :, free], q[:, free], free)
-            step = np.einsum('nir,nr->ni', inverse, residual)
-            largest = np.maximum(np.abs(step).max(axis=1, keepdims=True), 1e-300)
-            q[:, free] -= step * np.minimum(1.0, 0.3 / largest)
-        return q
-
-    def descend(self, q: Array, free: list[int], goal: Array) -> Array:
-        """Damped Gauss-Newton within the limits, towards a local minimum of the residual."""
-        q = q.copy()
-        damping = 1e-2
-        norm = float(np.linalg.norm(self.residuals(q[None], goal)))
-        for _ in range(60):
-            residual, jacobian, _ = self.local(q, goal)
-            part = jacobian[:, free]
-            normal = part.T @ part + damping * np.eye(len(free))
-            trial = q.copy()
-            trial[free] -= np.linalg.solve(normal, part.T @ residual)
-            trial = np.where(self.wraps, trial, np.clip(trial, self.lower, self.upper))
-            after = float(np.linalg.norm(self.residuals(trial[None], goal)))
-            damping = max(damping * 0.3, 1e-9) if after < norm else damping * 4.0
-            if after < norm:
-                q, norm = trial, after
-        return q
-
-    def derivative_bounds(self, distance: Array, v: Array) -> tuple[Array, Array]:
-        """Bounds of the second and third derivatives along |dq_i| <= v_i, in that box.
-
-        ``distance`` and ``v`` are (..., n); the results (...,). The third is the position's.
+        With i <= k, ``d2p / dq_i dq_k = z_i x dp / dq_k`` for a revolute joint i, else zero, and
+        the error quaternion's is ``z_i z_k e / 4`` (a product of quaternions) for two hinges.
         """
-        second = np.zeros(v.shape[:-1])
-        third, moved = second.copy(), second.copy()
-        total = after = v[..., ~self.prismatic].sum(axis=-1)
+        axes, origins, rotation, position = self.frames(q)
+        residual, e = self._residuals(rotation, position, goal)
+        linear = self._linear(axes, origins, position)
+        full = _cross(axes[:, :, None], linear[:, None])
+        if self.oriented:
+            w = np.sqrt(np.maximum(1.0 - (e * e).sum(axis=1), 0.0))[:, None, None, None]
+            e_ = e[:, None, None]
+            both = _cross(axes[:, :, None], axes[:, None])
+            dot = np.einsum('nia,nka->nik', axes, axes)[..., None]
+            turn = 0.5 * self.length * (w * both - dot * e_ + _cross(both, e_))
+            turn[:, :, self.prismatic] = 0.0
+            full = np.concatenate([full, turn], axis=3)
+        full[:, self.prismatic] = 0.0
+        i, k = np.tril_indices(self.n, -1)
+        full[:, i, k] = full[:, k, i]
+        shape = (len(q), self.n, self.n, len(self.rows))
+        hessian = np.moveaxis((full.reshape(-1, full.shape[3]) @ self.rows.T).reshape(shape), 3, 1)
+        distance = np.linalg.norm(linear, axis=2)
+        return Derivatives(residual, self._jacobians(axes, linear, e), hessian, distance)
+
+    def third_bound(self, distance: Array, v: Array) -> Array:
+        """Bound (N,) of the third derivative along any ``|dq_i| <= v_i``, all over that box.
+
+        ``distance`` and ``v`` are (N, n). A position's derivative is at most the distance of the
+        tool from the axis of the last joint that takes part, and that distance grows by at most
+        what the later joints move; an error quaternion's of order 3 is at most 1/8.
+        """
+        third, moved = np.zeros(len(v)), np.zeros(len(v))
+        total = after = v[:, ~self.prismatic].sum(axis=1)
         for k in range(self.n - 1, -1, -1):
             if self.prismatic[k]:
-                second = second + 2.0 * v[..., k] * after
-                third = third + 3.0 * v[..., k] * after**2
-                moved = moved + v[..., k]
+                third = third + 3.0 * v[:, k] * after**2
+                moved = moved + v[:, k]
             else:
-                before = after - v[..., k]
-                reach = distance[..., k] + moved
-                second = second + reach * (after**2 - before**2)
+                before = after - v[:, k]
+                reach = distance[:, k] + moved
                 third = third + reach * (after**3 - before**3)
-                moved = moved + reach * v[..., k]
+                moved = moved + reach * v[:, k]
                 after = before
-        return np.hypot(second, 0.5 * self.length * total**2), third
+        return np.hypot(third, 0.25 * self.length * total**3)
 
-    def remainder(self, distance: Array, v: Array, bend: Array) -> Array:
-        """Bound (N,) of the residual's change beyond first order along |dq_i| <= v_i.
-
-        ``bend`` (N,) bounds the second derivative of the position at the box's centre.
-        """
-        second, third = self.derivative_bounds(distance, v)
-        total = v[..., ~self.prismatic].sum(axis=-1)
-        exact: Array = 0.5 * bend + third / 6.0 + 0.25 * self.length * total**2
-        return np.minimum(exact, 0.5 * second)
-
-    def lower_bounds(
-        self, q: Array, half: Array, residuals: Array, goal: Array, aim: Array | None
-    ) -> tuple[Array, Array]:
-        """Lower bounds (N,) of the residual over boxes, and each joint's cost (N, n)."""
-        jacobian, distance, axes, linear = self.jacobians(q, goal)
-        norms = np.linalg.norm(residuals, axis=1)
-        remainder, third = self.derivative_bounds(distance, half)
-        best = np.full(len(q), -np.inf)
-        cost = half * np.maximum(distance, 1e-6)
-        directions = [residuals / np.maximum(norms, 1e-300)[:, None]]
-        if aim is not None:
-            directions.append(np.broadcast_to(aim, residuals.shape))
-        for u in directions:
-            value = (u * residuals).sum(axis=1)
-            slope = np.abs(np.einsum('nr,nri->ni', u, jacobian)) * half
-            bound = value - slope.sum(axis=1) - 0.5 * remainder
-            if not self.oriented:
-                world = u @ self.rows
-                turned = np.cross(world[:, None], axes)
-                turned[:, self.prismatic] = 0.0
-                curve = np.einsum('nia,nka->nik', turned, linear)
-                sized = half[:, :, None] * half[:, None, :]
-                off = (np.abs(curve) * sized * np.triu(np.ones((self.n, self.n)), 1)).sum((1, 2))
-                own = np.einsum('nii->ni', curve) * half**2
-                own[:, self.prismatic] = 0.0
-                # |u.F| is convex where the curvature is positive: the slope is then paid twice.
-                quadratic = -slope + 0.5 * own
-                turning = (own > 0.0) & (slope < own)
-                quadratic[turning] = -0.5 * slope[turning] ** 2 / own[turning]
-                bound = np.maximum(bound, value + quadratic.sum(axis=1) - off - third / 6.0)
-            best = np.maximum(best, bound)
-        return best * (1.0 - 1e-9) - 1e-11, cost
+    def second_bound(self, distance: Array, v: Array) -> Array:
+        """The same of the second derivative."""
+        second, moved = np.zeros(len(v)), np.zeros(len(v))
+        total = after = v[:, ~self.prismatic].sum(axis=1)
+        for k in range(self.n - 1, -1, -1):
+            if self.prismatic[k]:
+                second = second + 2.0 * v[:, k] * after
+                moved = moved + v[:, k]
+            else:
+                before = after - v[:, k]
+                reach = distance[:, k] + moved
+                second = second + reach * (after**2 - before**2)
+                moved = moved + reach * v[:, k]
+                after = before
+        return np.hypot(second, 0.5 * self.length * total**2)
 
 
-def _twice_vector_part(rotation: Array) -> Array:
-    """2 vec(q) of rotations (N, 3, 3), with the quaternion's scalar part >= 0, by half angles."""
+def _cross(a: Array, b: Array) -> Array:
+    """Cross products along the last axis; NumPy's own is slow on many small vectors."""
+    ax, ay, az = a[..., 0], a[..., 1], a[..., 2]
+    bx, by, bz = b[..., 0], b[..., 1], b[..., 2]
+    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-1)
+
+
+def _vector_part(rotation: Array) -> Array:
+    """Vector parts of the quaternions (scalar part >= 0) of rotations (N, 3, 3)."""
     axis = 0.5 * np.stack(
         [
             rotation[:, 2, 1] - rotation[:, 1, 2],
@@ -286,5 +259,5 @@ def _twice_vector_part(rotation: Array) -> Array:
     )  # sin(angle) * axis
     cosine = 0.5 * (np.trace(rotation, axis1=1, axis2=2) - 1.0)
     # vec(q) = sin(angle / 2) axis = sin(angle) axis / (2 cos(angle / 2))
-    half = np.sqrt(np.maximum(0.5 * (1.0 + cosine), 1e-12))
-    return axis / half[:, None]
+    half: Array = axis / (2.0 * np.sqrt(np.maximum(0.5 * (1.0 + cosine), 1e-12)))[:, None]
+    return half

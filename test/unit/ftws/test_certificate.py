@@ -2,6 +2,7 @@
 
 import copy
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,7 +13,6 @@ from ft_manip_ros.core.errors import InputError
 from ft_manip_ros.core.ftws.certificate import certify, load_certificate, save_certificate, verify
 from ft_manip_ros.core.ftws.settings import FtwsSettings
 from ft_manip_ros.core.ftws.verdict import Verdict
-from ft_manip_ros.core.ftws.verifier import uncovered
 from unit.ftws.arms import planar, table_1
 
 SETTINGS = FtwsSettings(intervals=False)
@@ -73,16 +73,59 @@ def test_an_arm_with_other_limits_is_found(document):
     assert not ok
 
 
-def test_uncovered_finds_gaps_in_two_dimensions():
-    low, high = np.zeros(2), np.ones(2)
+def short_of_two(radius=0.0):
+    """Planar 6R, any two joints frozen within a quarter of a radian: a small proof of order 2."""
+    arm = planar(*[1.0] * 6)
+    joints = tuple(replace(j, operating_lower=-0.25, operating_upper=0.25) for j in arm.joints)
+    settings = replace(SETTINGS, slab=0.1, restarts=30, radius=radius)
+    point = np.array([[2.0, 1.0, 0.0]])
+    return certify(replace(arm, joints=joints), point, order=2, settings=settings)[1]
 
-    def box(a, b, c, d):
-        return np.array([a, b]), np.array([c, d])
 
-    quarters = [box(0, 0, 0.5, 0.5), box(0.5, 0, 1, 0.6), box(0, 0.5, 0.5, 1), box(0.5, 0.5, 1, 1)]
-    assert uncovered(low, high, quarters) is None
-    gap = uncovered(low, high, quarters[:3])
-    assert gap is not None and (gap >= 0.5).all()
+def test_two_failures_at_once_are_confirmed_with_a_disc_of_goals():
+    proof = json.loads(json.dumps(short_of_two(radius=0.01)))
+    assert proof['goals'][0]['radius'] == 0.01
+    ((ok, text),) = verify(proof)
+    assert ok and 'disc of 0.01 m' in text
+    proof['goals'][0]['radius'] = 0.5
+    ((ok, text),) = verify(proof)
+    assert not ok and 'covered by no proof' in text
+
+
+def test_a_gap_about_two_angles_is_found():
+    proof = short_of_two()
+    assert [ok for ok, _ in verify(proof)] == [True]
+    goal = proof['goals'][0]
+    goal['pieces'] = [
+        piece
+        for piece in goal['pieces']
+        if piece['joints'] != ['joint_3', 'joint_5']
+        or abs(piece['posture'][2]) > piece['half'][0]
+        or abs(piece['posture'][4]) > piece['half'][1]
+    ]
+    ((ok, text),) = verify(proof)
+    assert not ok and text.startswith('member: joint_3, joint_5 at')
+
+
+def test_postures_of_another_turn_are_as_good(document):
+    turned = copy.deepcopy(document)
+    for piece in turned['goals'][0]['pieces'][::2]:
+        piece['posture'] = [angle + 2.0 * np.pi for angle in piece['posture']]
+    assert next(verify(turned))[0]
+
+
+@pytest.mark.parametrize('half', [[-0.1], [float('nan')]])
+def test_a_piece_of_no_size_is_bad_input(document, half):
+    broken = copy.deepcopy(document)
+    broken['goals'][0]['pieces'][0]['half'] = half
+    with pytest.raises(InputError, match=r'goals\[0\]'):
+        next(verify(broken))
+
+
+def test_a_ball_larger_than_the_proved_loss_is_rejected(document):
+    broken = copy.deepcopy(document)
+    broken['goals'][1]['radius'] = 0.5  # the point is 0.2 m beyond the disc of radius 2
+    assert not list(verify(broken))[1][0]
 
 
 def test_command_line_round_trip(tmp_path, capsys):
