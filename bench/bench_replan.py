@@ -27,7 +27,7 @@ sys.path.append(str(Path(__file__).parents[1] / 'test'))
 
 FAULTS = 500
 # Of so many tasks that were not finished it is looked up whether there is a way.
-DOUBTED = 20
+DOUBTED = 8
 GOALS = (3, 10, 50)
 PANDA = 'package://example-robot-data/robots/panda_description/urdf/panda.urdf'
 BASE, TIP = 'panda_link0', 'panda_link8'

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ft_manip_ros.core.arm_file import load_arm
 from ft_manip_ros.core.chain import Array, SerialChain
@@ -17,7 +18,7 @@ from ft_manip_ros.core.goal import Task
 from ft_manip_ros.core.planning.plan import Plan
 from ft_manip_ros.core.planning.replan import plan_task
 from ft_manip_ros.core.planning.settings import PlanSettings
-from ft_manip_ros.core.planning.tolerance import ToleranceMap, tolerance_map
+from ft_manip_ros.core.planning.tolerance import Fate, ToleranceMap, tolerance_map
 from ft_manip_ros.core.planning.tolerant_path import TolerantPath, most_tolerant_path
 from ft_manip_ros.core.task_file import load_task
 
@@ -77,7 +78,7 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         print(json.dumps({name: to_json(maps[name], path) for name, path in paths.items()}))
     else:
-        print(describe(maps, paths))
+        print(describe(maps, paths, task, tolerant.survivable))
     if args.output:
         _write(Path(args.output), paths['most tolerant'])
     if args.plot:
@@ -110,13 +111,18 @@ def _planned(arm: SerialChain, task: Task, start: Array, settings: PlanSettings)
     return TolerantPath(plan.trajectory, arrivals)
 
 
-def describe(maps: dict[str, ToleranceMap], paths: dict[str, TolerantPath]) -> str:
-    """Return the shares of each joint as a table."""
+def describe(
+    maps: dict[str, ToleranceMap],
+    paths: dict[str, TolerantPath],
+    task: Task,
+    survivable: NDArray[np.bool_] | None,
+) -> str:
+    """Return the shares of each joint as a table, and when and why it may not lock."""
     lines = []
-    for name, judged in maps.items():
+    for kind, judged in maps.items():
         lines.append(
-            f'{name} path, {paths[name].trajectory.duration:.2f} s: any one joint may lock for '
-            f'{100.0 * judged.any_joint:.0f} % of the time'
+            f'{kind} path, {paths[kind].trajectory.duration:.2f} s: any one joint may lock for '
+            f'{100.0 * judged.any_joint:.0f} % of the time, all but {judged.exposed:.2f} s'
         )
         lines.append(f'  {"joint":24} {"survived":>9} {"lost":>7} {"open":>7}')
         for k, joint in enumerate(judged.joint_names):
@@ -124,6 +130,17 @@ def describe(maps: dict[str, ToleranceMap], paths: dict[str, TolerantPath]) -> s
             lines.append(
                 f'  {joint:24} {100 * survived:8.1f}% {100 * lost:6.1f}% '
                 f'{100 * (1 - survived - lost):6.1f}%'
+            )
+        for place, begin, end, fate, goal in judged.stretches():
+            name = task.goals[goal].id or f'goal {goal}'
+            why = 'is lost (proved)' if fate == Fate.LOST else 'is open'
+            # The goals that remain are those from the first one not yet reached.
+            arrivals = paths[kind].arrivals
+            first = min((k for k in arrivals if arrivals[k] > begin), default=len(arrivals))
+            if survivable is not None and not survivable[first, place]:
+                why += '; wherever it locks while these goals remain'
+            lines.append(
+                f'    {judged.joint_names[place]} {begin:.2f} to {end:.2f} s: {name} {why}'
             )
     lines.append('survived: a posture is known for every goal that remains; lost: proved.')
     return '\n'.join(lines)
@@ -136,6 +153,7 @@ def to_json(judged: ToleranceMap, path: TolerantPath) -> dict[str, Any]:
         'duration': path.trajectory.duration,
         'arrivals': [path.arrivals[k] for k in sorted(path.arrivals)],
         'any_joint': judged.any_joint,
+        'exposed': judged.exposed,
         'survived': judged.survived.tolist(),
         'lost': judged.proved_lost.tolist(),
         'times': judged.times.tolist(),

@@ -14,7 +14,7 @@ from trajectory_msgs.msg import JointTrajectory
 
 from ft_manip_interfaces.msg import FaultState, JointFault, RecoveryPlan, TaskGoal
 from ft_manip_interfaces.msg import Task as TaskMessage
-from ft_manip_interfaces.srv import InjectFault
+from ft_manip_interfaces.srv import ClearFault, FreezeJoint, InjectFault
 from ft_manip_ros.core.arm_file import load_arm, load_dh, save_dh
 from ft_manip_ros.core.kinematics import fk
 from ft_manip_ros.core.task_file import load_task
@@ -105,6 +105,21 @@ class Rig:
         self.declare(**frozen)
         self.probe.until(lambda: len(self.plans) > before, 10.0, 'a plan')
         return self.plans[-1]
+
+    def since(self, plan):
+        """Number of the first state after a plan."""
+        begin = nanoseconds(plan.trajectory.header.stamp)
+        stamps = [nanoseconds(state.header.stamp) for state in self.states]
+        return next(k for k, stamp in enumerate(stamps) if stamp >= begin)
+
+    def jump_at_start(self, command):
+        """Largest step (rad/s) of a free joint from its measured speed to a command's start."""
+        stamp, first = command.header.stamp, command.points[0]
+        state = next(state for state in self.states if state.header.stamp == stamp)
+        assert np.abs(np.array(state.position) - first.positions).max() < 1e-3
+        points = np.array([point.positions for point in command.points])
+        free = np.ptp(points, axis=0) > 0.0
+        return np.abs(np.array(state.velocity) - first.velocities)[free].max(initial=0.0)
 
     def reaches(self, goal, since=0, timeout=20.0):
         """Wait until the tool was at a goal in any state from number ``since`` on."""
@@ -205,6 +220,59 @@ def test_policy_halt_stops_the_arm(start_node, probe, arm_path):
     stood = rig.position()
     rig.probe.spin_for(0.5)
     assert np.abs(rig.position() - stood).max() < 5e-4
+
+
+def test_failure_after_failure_with_the_monitor_itself(start_node, probe, arm_path):
+    """Three joints in turn and back, all or nothing; no command starts with a jump."""
+    rig = Rig(start_node, probe, arm_path, policy='finish_all_or_halt')
+    start_node('fault_monitor', params={'arm': arm_path}).wait_for('active', 120.0)
+    task = load_task('paredis_eq_11')
+    again = tuple(replace(goal, id=f'{goal.id}_again') for goal in task.goals)
+    task = replace(task, goals=task.goals + again)
+
+    def plan_with(*names):
+        def made():
+            return next((p for p in rig.plans if set(p.frozen_joints) == set(names)), None)
+
+        return rig.probe.until(made, 20.0, f'a plan with {names} frozen')
+
+    start = rig.send_task(task)
+    assert start.status == RecoveryPlan.FINISHES
+    under_way = nanoseconds(start.trajectory.header.stamp) + 500_000_000
+    rig.inject('joint_3', InjectFault.Request.LOCK, under_way)
+    first = plan_with('joint_3')
+    assert first.status == RecoveryPlan.FINISHES, first.reason
+    rig.inject('joint_2', InjectFault.Request.LOCK, rig.now() + 300_000_000)
+    second = plan_with('joint_3', 'joint_2')
+    # Three joints are left: all of it, or nothing, and then it stands still.
+    whole = second.status == RecoveryPlan.FINISHES
+    assert whole or (second.status == RecoveryPlan.HALTED and 'all or halt' in second.reason)
+    assert all(bool(goal.positions) == whole for goal in second.goals)
+    freeze = FreezeJoint.Request(joint='joint_5', at_measured=True, reason='by hand')
+    assert rig.probe.call(FreezeJoint, topics.FREEZE_JOINT, freeze).success
+    third = plan_with('joint_3', 'joint_2', 'joint_5')
+    # Two joints reach a surface at most, and that does not hold all three points.
+    assert third.status == RecoveryPlan.HALTED and 'all or halt' in third.reason
+    rig.probe.spin_for(1.0)
+    stood = rig.position()
+    rig.probe.spin_for(0.5)
+    assert np.abs(rig.position() - stood).max() < 5e-4
+    # Recovered joints count only once they are cleared.
+    for name in ('joint_3', 'joint_2'):
+        rig.inject(name, InjectFault.Request.RELEASE)
+    count = len(rig.task_plans)
+    rig.probe.spin_for(0.5)
+    assert len(rig.task_plans) == count and rig.plans[-1].status == RecoveryPlan.HALTED
+    assert rig.probe.call(ClearFault, topics.CLEAR_FAULT, ClearFault.Request()).success
+    rig.probe.until(lambda: len(rig.task_plans) > count, 10.0, 'a plan of the healthy arm')
+    healed = rig.task_plans[-1]
+    assert healed.status == RecoveryPlan.FINISHES and not healed.frozen_joints
+    for report in healed.goals:
+        rig.reaches(task.goals[report.index], rig.since(healed))
+    # The joints that are free go on as they were measured; one that is frozen by hand while it
+    # still moves is held at once.
+    for command in rig.commands:
+        assert rig.jump_at_start(command) < 1e-9
 
 
 def test_garbage_is_named_and_the_node_lives(rig):

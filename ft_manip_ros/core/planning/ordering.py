@@ -5,28 +5,10 @@ from __future__ import annotations
 from itertools import pairwise
 
 import numpy as np
-from numba import njit
-from numpy.typing import NDArray
 
 from ft_manip_ros.core.chain import Array
 from ft_manip_ros.core.planning.limits import MotionLimits
-from ft_manip_ros.core.planning.sequence import straight_time
-
-
-@njit(cache=True, nogil=True)
-def _nearest_pair(
-    a: Array,
-    b: Array,
-    unlimited: NDArray[np.bool_],
-    velocity: Array,
-    acceleration: Array,
-    jerk: Array,
-) -> float:
-    least = np.inf
-    for i in range(a.shape[0]):
-        for j in range(b.shape[0]):
-            least = min(least, straight_time(a[i], b[j], unlimited, velocity, acceleration, jerk))
-    return least
+from ft_manip_ros.core.planning.sequence import straight_times
 
 
 def fastest_order(first: Array, groups: list[Array], limits: MotionLimits) -> list[int]:
@@ -46,14 +28,7 @@ def fastest_order(first: Array, groups: list[Array], limits: MotionLimits) -> li
     times = np.zeros((count, count))
     for i in range(count):
         for j in range(i):
-            times[i, j] = times[j, i] = _nearest_pair(
-                groups[i],
-                groups[j],
-                limits.unlimited,
-                limits.velocity,
-                limits.acceleration,
-                limits.jerk,
-            )
+            times[i, j] = times[j, i] = straight_times(groups[i], groups[j], limits).min()
     order = [int(np.argmin(first))]
     while len(order) < count:
         left = [k for k in range(count) if k not in order]

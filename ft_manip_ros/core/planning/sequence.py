@@ -60,6 +60,29 @@ def straight_time(
     return rest_to_rest_time(1.0, v, a_max, j)
 
 
+def straight_times(a: Array, b: Array, limits: MotionLimits) -> Array:
+    """Least times (s) of the moves from each of a, (K, m), to each of b, (M, m); shape (K, M)."""
+    rates = (limits.unlimited, limits.velocity, limits.acceleration, limits.jerk)
+    out = np.empty((len(a), len(b)))
+    _straight_times(np.ascontiguousarray(a), np.ascontiguousarray(b), *rates, out)
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _straight_times(
+    a: Array,
+    b: Array,
+    unlimited: NDArray[np.bool_],
+    velocity: Array,
+    acceleration: Array,
+    jerk: Array,
+    out: Array,
+) -> None:
+    for i in range(a.shape[0]):
+        for k in range(b.shape[0]):
+            out[i, k] = straight_time(a[i], b[k], unlimited, velocity, acceleration, jerk)
+
+
 @njit(cache=True, nogil=True)
 def _cheapest_path(
     first: Array,

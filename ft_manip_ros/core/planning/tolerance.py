@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum
+from itertools import groupby
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,6 +55,27 @@ class ToleranceMap:
     def proved_lost(self) -> Array:
         """Share of the instants at which a lock of each joint is proved to lose a goal, (n,)."""
         return np.asarray(np.mean(self.fates == Fate.LOST, axis=0))
+
+    def stretches(self) -> list[tuple[int, float, float, Fate, int]]:
+        """Where a lock is not known to be survived: joint, from and to (s), fate, first goal.
+
+        By joint and time; an instant stands for the time up to the next one.
+        """
+        found = []
+        step = float(self.times[1] - self.times[0])
+        for joint in range(len(self.joint_names)):
+            marks = list(zip(self.fates[:, joint], self.culprits[:, joint], strict=True))
+            for (fate, goal), rows in groupby(range(len(marks)), key=lambda row: marks[row]):
+                if fate != Fate.SURVIVED:
+                    at = list(rows)
+                    begin, end = float(self.times[at[0]]), float(self.times[at[-1]]) + step
+                    found.append((joint, begin, end, Fate(fate), int(goal)))
+        return found
+
+    @property
+    def exposed(self) -> float:
+        """Time (s) for which some joint may not lock."""
+        return (1.0 - self.any_joint) * float(self.times[-1])
 
     @property
     def any_joint(self) -> float:

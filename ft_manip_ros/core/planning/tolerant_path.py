@@ -9,13 +9,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ft_manip_ros.core.chain import FULL_TURN, Array, SerialChain
+from ft_manip_ros.core.chain import Array, SerialChain
 from ft_manip_ros.core.goal import Goal
 from ft_manip_ros.core.planning import timing
+from ft_manip_ros.core.planning.exposure import Exposure
 from ft_manip_ros.core.planning.limits import (
     MotionLimits,
     arrays_within,
@@ -24,27 +26,29 @@ from ft_manip_ros.core.planning.limits import (
 )
 from ft_manip_ros.core.planning.postures import find_postures
 from ft_manip_ros.core.planning.route import folded
-from ft_manip_ros.core.planning.sequence import straight_time
 from ft_manip_ros.core.planning.settings import PlanSettings
 from ft_manip_ros.core.planning.tolerance import reaches_locked
 from ft_manip_ros.core.planning.trajectory import Trajectory
 
 # Positions of each joint at which a lock is tried, spread over its operating range.
 _GRID = 161
-# Instants of each move that are looked at.
-_INSTANTS = 25
-# Seconds of exposure that one second of motion is worth: decides between equals only.
-_TIME_WEIGHT = 1e-3
 # Postures per goal to choose from, and solver starts to find them.
-_POSTURES, _ATTEMPTS = 48, 300
+_POSTURES, _ATTEMPTS = 200, 1500
+# Postures that a leg may go by.
+_VIAS = 48
 
 
 @dataclass(frozen=True, eq=False)
 class TolerantPath:
-    """The motion and when it reaches each goal (s)."""
+    """The motion and when it reaches each goal (s).
+
+    ``survivable``, shape (L + 1, n), says where it is known whether a joint has any position at
+    which it may lock while the goals l, l + 1, ... remain.
+    """
 
     trajectory: Trajectory
     arrivals: dict[int, float]
+    survivable: NDArray[np.bool_] | None = None
 
 
 def survival_grid(
@@ -85,7 +89,8 @@ def most_tolerant_path(
 
     The exposure of a move is the time its joints spend at positions where locking would leave
     some later goal without a known posture, summed over the joints; dynamic programming picks
-    among many postures per goal those of least total exposure.
+    among many postures per goal, and among less exposed ones to go by on the way, those of least
+    total exposure. Then some joints may move before the others.
 
     Parameters
     ----------
@@ -109,87 +114,55 @@ def most_tolerant_path(
             return None
         groups.append(folded(found.q, start, limits))
     angles, survived = survival_grid(chain, goals, settings)
+    legs = [Exposure(angles, rest, scaled) for rest in survived]
+    # Every posture known may be gone by on the way to another.
+    pool = np.concatenate(groups)
     total = np.zeros(1)
     came: list[NDArray[np.int64]] = []
-    for index in range(len(goals)):
-        exposure = _exposures(
-            groups[index], groups[index + 1], angles, survived[index], scaled, settings.dwell,
-            survived[index + 1],
-        )  # fmt: skip
-        costs = total[:, None] + exposure
+    for a, b, leg, after in zip(groups, groups[1:], legs, legs[1:], strict=False):
+        vias = leg.least(pool, _VIAS)
+        around = _least_sums(leg.moves(a, vias), leg.moves(vias, b))
+        costs = total[:, None] + np.minimum(leg.moves(a, b), around)
+        costs += after.at_rest(b) * settings.dwell
         came.append(np.argmin(costs, axis=0))
         total = np.min(costs, axis=0)
-    pick = int(np.argmin(total))
-    picks = [pick]
+    picks = [int(np.argmin(total))]
     for before in reversed(came[1:]):
         picks.append(int(before[picks[-1]]))
-    return _motion(chain, start, groups[1:], picks[::-1], scaled, settings)
+    stops = [start, *(group[k] for group, k in zip(groups[1:], picks[::-1], strict=True))]
+    ways = [
+        [*leg.best_way(a, b, leg.least(pool, _VIAS)), b]
+        for leg, (a, b) in zip(legs, pairwise(stops), strict=False)
+    ]
+    path = _motion(chain, start, ways, scaled, settings)
+    return replace(path, survivable=np.asarray(survived.any(axis=2)))
 
 
-def _exposures(
-    a: Array,
-    b: Array,
-    angles: Array,
-    before: NDArray[np.bool_],
-    limits: MotionLimits,
-    dwell: float,
-    after: NDArray[np.bool_],
-) -> Array:
-    """Exposure (s) of the moves from each of a, (K, n), to each of b, (M, n), and the rest there.
-
-    ``before`` and ``after``, (n, A), say where joints may lock under way and at the goal.
-    """
-    tau = np.linspace(0.0, 1.0, _INSTANTS)
-    # The rest-to-rest profile, near enough for weighing one move against another.
-    s = tau**3 * (10.0 - 15.0 * tau + 6.0 * tau**2)
-    at_rest = np.sum(~_may_lock(b, angles, after, limits.turns), axis=1) * dwell
-    costs = np.empty((len(a), len(b)))
-    for k in range(len(a)):
-        way = travel(a[k], b, limits.unlimited)
-        q = a[k] + s[:, None, None] * way
-        exposed = np.sum(~_may_lock(q, angles, before, limits.turns), axis=2).mean(axis=0)
-        for m in range(len(b)):
-            time = straight_time(
-                a[k], b[m], limits.unlimited, limits.velocity, limits.acceleration, limits.jerk
-            )
-            costs[k, m] = time * (exposed[m] + _TIME_WEIGHT) + at_rest[m]
-    return costs
-
-
-def _may_lock(
-    q: Array, angles: Array, survived: NDArray[np.bool_], turns: NDArray[np.bool_]
-) -> NDArray[np.bool_]:
-    """Tell for joint positions (..., n) whether both grid neighbours survive a lock."""
-    lower, upper = angles[:, 0], angles[:, -1]
-    # A joint that turns on and on passes the same places again.
-    q = np.where(turns, lower + np.mod(q - lower, FULL_TURN), q)
-    place = (np.clip(q, lower, upper) - lower) / (upper - lower) * (angles.shape[1] - 1)
-    below = np.floor(place).astype(np.int64)
-    above = np.ceil(place).astype(np.int64)
-    joints = np.arange(len(lower))
-    return np.asarray(survived[joints, below] & survived[joints, above])
+def _least_sums(first: Array, second: Array) -> Array:
+    """Least over v of first[a, v] + second[v, b], shape (A, B)."""
+    return np.array([np.min(row[:, None] + second, axis=0) for row in first])
 
 
 def _motion(
     chain: SerialChain,
     start: Array,
-    groups: list[Array],
-    picks: list[int],
+    ways: list[list[Array]],
     limits: MotionLimits,
     settings: PlanSettings,
 ) -> TolerantPath:
-    """The timed motion through the chosen postures, with a rest at each."""
+    """The timed motion through the postures of each leg, with a rest at the last one."""
     parts: list[timing.Motion] = []
     arrivals: dict[int, float] = {}
     at, clock = start, 0.0
-    for index, (group, pick) in enumerate(zip(groups, picks, strict=True)):
-        target = at + travel(at, group[pick], limits.unlimited)
-        move = timing.move_between(at, target, limits, settings.sample_period)
-        at = move.positions[-1]
-        arrivals[index] = clock + move.duration
-        rest = timing.hold(at, max(settings.dwell, timing.SHORTEST_STEP))
-        clock = arrivals[index] + rest.duration
-        parts += [move, rest]
+    for index, way in enumerate(ways):
+        for stop in way:
+            target = at + travel(at, stop, limits.unlimited)
+            parts.append(timing.move_between(at, target, limits, settings.sample_period))
+            at = parts[-1].positions[-1]
+            clock += parts[-1].duration
+        arrivals[index] = clock
+        parts.append(timing.hold(at, max(settings.dwell, timing.SHORTEST_STEP)))
+        clock += parts[-1].duration
     motion = timing.joined(parts)
     return TolerantPath(
         Trajectory(

@@ -185,6 +185,22 @@ def test_uncertainty_of_the_frozen_joint_reaches_the_tool():
     assert 'known to' in found.outcomes[0].reason
 
 
+@pytest.mark.parametrize('names', [('joint_2',), ('joint_1', 'joint_4')])
+def test_uncertainty_at_the_tool_is_that_of_arms_locked_elsewhere(names):
+    # Monte Carlo: the arm drives to the planned posture, but its locked joints stand elsewhere.
+    rng = np.random.default_rng(0)
+    q = rng.uniform(-1.5, 1.5, TABLE_3.n)
+    frozen = {name: q[TABLE_3.index(name)] for name in names}
+    sigma = {name: 2e-3 * (k + 1) for k, name in enumerate(names)}
+    found = plan(TABLE_3, [Goal(fk(TABLE_3, q)[1])], frozen=frozen, sigma=sigma)
+    outcome = found.outcomes[0]
+    drawn = np.tile(outcome.posture, (20000, 1))
+    for name, value in sigma.items():
+        drawn[:, TABLE_3.index(name)] += value * rng.normal(size=len(drawn))
+    off = np.linalg.norm(fk(TABLE_3, drawn)[1] - fk(TABLE_3, outcome.posture)[1], axis=1)
+    assert outcome.uncertainty == pytest.approx(np.sqrt(np.mean(off**2)), rel=0.03)
+
+
 def test_a_joint_read_a_hair_beyond_its_limit_starts_on_it():
     goals = load_task('paredis_eq_11').goals
     limit = TABLE_3.lower[1]
