@@ -58,7 +58,7 @@ PARAMETERS = (
     ),
     ParameterSpec(
         'detour_checks',
-        800,
+        400,
         'Moves checked for collision to find ways round, at most; each takes about 1 ms.',
         '',
         0,
