@@ -129,7 +129,7 @@ def describe(
             survived, lost = judged.survived[k], judged.proved_lost[k]
             lines.append(
                 f'  {joint:24} {100 * survived:8.1f}% {100 * lost:6.1f}% '
-                f'{100 * (1 - survived - lost):6.1f}%'
+                f'{100 * max(0.0, 1 - survived - lost):6.1f}%'
             )
         for place, begin, end, fate, goal in judged.stretches():
             name = task.goals[goal].id or f'goal {goal}'
