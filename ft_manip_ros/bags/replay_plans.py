@@ -191,7 +191,9 @@ def _member(kind: Any, name: str, value: Any) -> Any:
 def _finding(message: Any) -> Finding:
     points = message.trajectory.points
     outcomes = [f'{g.index}={_name(_OUTCOME, g.outcome)}{g.relaxation}' for g in message.goals]
-    arrivals = [float(goal.arrival) for goal in message.goals]
+    # Planning takes no time in a replay. Bags of before have no such field.
+    pause = float(getattr(message, 'pause', 0.0))
+    arrivals = [float(goal.arrival) - pause for goal in message.goals]
     values: dict[str, Value] = {
         'status': _name(_STATUS, message.status),
         'goals': ' '.join(outcomes),
@@ -200,7 +202,7 @@ def _finding(message: Any) -> Finding:
         'arrivals': tuple(np.nan_to_num(arrivals, nan=-1.0).tolist()),
         'frozen_at': tuple(float(p) for p in message.frozen_positions),
         'end': tuple(float(p) for p in points[-1].positions) if len(points) else (),
-        'duration': seconds(points[-1].time_from_start) if len(points) else 0.0,
+        'duration': seconds(points[-1].time_from_start) - pause if len(points) else 0.0,
     }
     # The state that a plan starts from is the same for both; when they heard of it is not.
     when = nanoseconds(message.trajectory.header.stamp) or nanoseconds(message.header.stamp)

@@ -71,6 +71,7 @@ def plan_to_message(plan: Plan, task: str, header: Header, start: int) -> Recove
         frozen_positions=list(plan.frozen.values()),
         frozen_position_sigmas=[plan.sigma.get(name, 0.0) for name in plan.frozen],
         goals=[_goal_to_message(outcome) for outcome in plan.outcomes],
+        pause=plan.pause,
     )
     if plan.trajectory is not None:
         message.trajectory = trajectory_to_message(plan.trajectory, start)

@@ -24,11 +24,16 @@ from ft_manip_ros.core.planning.executive import Executive
 from ft_manip_ros.core.planning.limits import joint_limits_yaml
 from ft_manip_ros.core.planning.plan import Plan
 from ft_manip_ros.core.planning.proof import Proof, needs_proof, prove
+from ft_manip_ros.core.planning.trajectory import Trajectory
 from ft_manip_ros.core.planning.warm_up import warm_up
 from ft_manip_ros.core.urdf_writer import chain_to_urdf
 from ft_manip_ros.nodes import topics
 from ft_manip_ros.nodes.arm_model import arm_source
-from ft_manip_ros.nodes.conversions import nanoseconds, task_from_message
+from ft_manip_ros.nodes.conversions import (
+    nanoseconds,
+    task_from_message,
+    trajectory_to_message,
+)
 from ft_manip_ros.nodes.managed_node import ManagedNode
 from ft_manip_ros.nodes.plan_messages import (
     frozen_from_message,
@@ -69,6 +74,7 @@ class Replanner(ManagedNode):
             watching_settings(self),
             self._checker(source, base),
             lambda: int(self.get_clock().now().nanoseconds),
+            self._stop_first,
         )
         # The message that a plan is owed to, and when it came.
         self._owed: tuple[Header, float] | None = None
@@ -158,6 +164,10 @@ class Replanner(ManagedNode):
         )
         self._carry_out(decision, message.header, arrived)
         self._describe_arm(frozen)
+
+    def _stop_first(self, motion: Trajectory, start: int) -> None:
+        """Stop the arm before a plan that has to look for ways among bodies."""
+        self._trajectories.publish(trajectory_to_message(motion, start))
 
     def _carry_out(self, decision: Decision | None, header: Header, arrived: float) -> None:
         """Send what was decided; ``header`` is that of the message which it answers."""

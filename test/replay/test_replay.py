@@ -85,21 +85,22 @@ def test_blocks_of_joint_states_come_to_what_single_ones_do(
 
 def test_exact_compares_what_conclusions_rest_on(bag: Bag, tmp_path: Path) -> None:
     """A plan that takes another second comes to the same conclusion, but is not the same."""
-    from rclpy.serialization import deserialize_message
+    from support.cdr import edited
 
-    from ft_manip_interfaces.msg import RecoveryPlan
-    from support.cdr import cdr
+    kinds = definitions(bag)
+
+    def later(message: Any) -> None:
+        message.trajectory.points[-1].time_from_start.sec += 1
 
     def slower(record: BagMessage) -> BagMessage:
         if record.topic != '/recovery_plan':
             return record
-        message = deserialize_message(record.data, RecoveryPlan)
-        message.trajectory.points[-1].time_from_start.sec += 1
-        return record._replace(data=cdr(message))
+        text = kinds[record.type_name].text
+        return record._replace(data=edited(record.type_name, text, record.data, later))
 
-    edited = rewrite(bag, tmp_path / 'bag', slower)
-    assert replay(edited).differences == ()
-    different = [d for d in replay(edited, exact=True).differences if 'duration' in d.fields]
+    changed = rewrite(bag, tmp_path / 'bag', slower)
+    assert replay(changed).differences == ()
+    different = [d for d in replay(changed, exact=True).differences if 'duration' in d.fields]
     assert [d.recorded.kind for d in different if d.recorded] == ['plan']
 
 

@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from builtin_interfaces.msg import Duration
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
-from ft_manip_interfaces.msg import FaultState
+from ft_manip_interfaces.msg import FaultState, RecoveryPlan
 from ft_manip_ros.bags.definitions import message_definition
 from ft_manip_ros.bags.reader import open_bag
 from ft_manip_ros.bags.replay import replay
@@ -23,7 +24,7 @@ from ft_manip_ros.core.goal import Goal, Task
 from ft_manip_ros.core.kinematics import fk
 from ft_manip_ros.core.planning.collision_setup import CollisionOptions, make_checker
 from ft_manip_ros.core.planning.executive import Executive
-from ft_manip_ros.nodes.conversions import stamp, task_to_message
+from ft_manip_ros.nodes.conversions import nanoseconds, stamp, task_to_message
 from ft_manip_ros.nodes.plan_messages import plan_to_message
 from support.cdr import cdr, type_name_of
 
@@ -50,11 +51,12 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Any:
     task = Task('around', (Goal(fk(chain, end)[1], id='behind the ball'),))
     messages: list[tuple[str, Any, int]] = []
 
-    def note(decision: Any, topic: str, now: int) -> None:
+    def note(decision: Any, topic: str, now: int) -> RecoveryPlan:
         report = plan_to_message(
             decision.plan, task.name, Header(stamp=stamp(now)), decision.stamp
         )
         messages.append((topic, report, now))
+        return report
 
     for k in range(60):
         now = SECOND + k * SECOND // 100
@@ -69,7 +71,16 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Any:
             fault = FaultState(frozen_joints=[FROZEN], frozen_positions=[START[4]])
             fault.header.stamp = stamp(now)
             messages.append(('/fault_state', fault, now))
-            note(executive.on_fault_state(now, {FROZEN: START[4]}, {}), '/recovery_plan', now)
+            report = note(
+                executive.on_fault_state(now, {FROZEN: START[4]}, {}), '/recovery_plan', now
+            )
+            # Planning took its time, in which the arm rested.
+            report.pause = 0.5
+            for goal in report.goals:
+                goal.arrival += 0.5
+            for point in report.trajectory.points[1:]:
+                later = nanoseconds(point.time_from_start) + SECOND // 2
+                point.time_from_start = Duration(sec=later // SECOND, nanosec=later % SECOND)
 
     def write(name: str, parameters: dict[str, Any], *attached: str) -> Any:
         with BagWriter(folder / name) as writer:

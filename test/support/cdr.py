@@ -6,6 +6,7 @@ the end, so that the same message may be serialized to different bytes each time
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from typing import Any
 
@@ -23,18 +24,27 @@ def type_name_of(message: Any) -> str:
 
 
 @cache
-def _store(type_name: str) -> Typestore:
+def _store(type_name: str, text: str) -> Typestore:
     store = get_typestore(Stores.EMPTY)
-    store.register(get_types_from_msg(message_definition(type_name).text, type_name))
+    store.register(get_types_from_msg(text, type_name))
     return store
+
+
+def edited(
+    type_name: str, text: str, data: bytes, change: Callable[[Any], None] | None = None
+) -> bytes:
+    """A message of the definition ``text``, changed, in canonical bytes."""
+    store = _store(type_name, text)
+    definition = store.get_msgdef(type_name)
+    message, _ = definition.deserialize_cdr_le(data[4:], 0, definition.cls, store)
+    if change is not None:
+        change(message)
+    return bytes(store.serialize_cdr(message, type_name))
 
 
 def canonical(type_name: str, data: bytes) -> bytes:
     """The same message with zeros between its fields and nothing after the last one."""
-    store = _store(type_name)
-    definition = store.get_msgdef(type_name)
-    message, _ = definition.deserialize_cdr_le(data[4:], 0, definition.cls, store)
-    return bytes(store.serialize_cdr(message, type_name))
+    return edited(type_name, message_definition(type_name).text, data)
 
 
 def cdr(message: Any) -> bytes:

@@ -12,11 +12,13 @@ from ft_manip_ros.core.errors import InputError
 from ft_manip_ros.core.goal import Goal, Task
 from ft_manip_ros.core.planning.collision import CollisionChecker
 from ft_manip_ros.core.planning.decision import Decision, ExecutiveSettings, Visited
+from ft_manip_ros.core.planning.handover import Handover
 from ft_manip_ros.core.planning.margins import tool_errors
 from ft_manip_ros.core.planning.measured import MeasuredStates
 from ft_manip_ros.core.planning.proof import Proof
 from ft_manip_ros.core.planning.replan import plan_task
 from ft_manip_ros.core.planning.settings import PlanSettings
+from ft_manip_ros.core.planning.trajectory import Trajectory
 
 _SECOND = 1_000_000_000
 # States that may be passed over as too old before one is planned from all the same.
@@ -48,7 +50,10 @@ class Executive:
         Of bodies that must not touch; None: nothing is checked.
     clock
         Returns now (ns) on the clock of the stamps; None: as a replay, no state is too old for
-        having waited.
+        having waited, and planning takes no time.
+    send_stop
+        Called where a moving arm has to stop before a plan that will take a while: with the
+        trajectory, and the stamp (ns) of the state that it starts from. Needs a clock.
     """
 
     def __init__(
@@ -58,6 +63,7 @@ class Executive:
         watching: ExecutiveSettings | None = None,
         checker: CollisionChecker | None = None,
         clock: Callable[[], int] | None = None,
+        send_stop: Callable[[Trajectory, int], None] | None = None,
     ) -> None:
         self.chain = chain
         self.planning = planning or PlanSettings()
@@ -67,6 +73,7 @@ class Executive:
         self.sigma: dict[str, float] = {}
         self._runaway: tuple[str, ...] = ()
         self._clock = clock
+        self._send_stop = send_stop
         self._states = MeasuredStates(chain, self.watching.velocity_window)
         self._progress: _Progress | None = None
         self._waiting: str | None = None
@@ -229,6 +236,7 @@ class Executive:
             hints=progress.hints,
             checker=self._checker,
             halt=f'{", ".join(self._runaway)} runs away' if self._runaway else '',
+            handover=self._handover(stamp),
         )
         progress.arrivals, progress.goals = {}, {}
         for outcome in plan.outcomes:
@@ -237,6 +245,19 @@ class Executive:
                 progress.goals[outcome.index] = outcome.target
         self._latest = Decision(plan, stamp, cause, bool(self.frozen))
         return self._latest
+
+    def _handover(self, stamp: int) -> Handover | None:
+        """Return what to do while a plan is made that starts from the state of ``stamp`` (ns)."""
+        clock, send_stop = self._clock, self._send_stop
+        if clock is None or send_stop is None:
+            return None
+        begin = clock()
+        # The clock of the stamps may be another one: states older than that are not planned from.
+        waited = min(max((begin - stamp) / _SECOND, 0.0), self.watching.freshness)
+        return Handover(
+            lambda motion: send_stop(motion, stamp),
+            lambda: waited + (clock() - begin) / _SECOND,
+        )
 
     def _is_old(self, now: int | None) -> bool:
         """Whether to wait for a newer state; ``now`` is the stamp of what asks for a plan (ns).

@@ -17,7 +17,7 @@ _BEYOND_A_TURN = 1e-3
 _CLEAR = 1e-3
 _READING = 1e-3
 # Share of the largest speed that noise may show of a joint at rest.
-_CREEP = 0.01
+CREEP = 0.01
 # Limits given with few digits still mean a full turn.
 _SLACK = 1e-6
 
@@ -116,7 +116,7 @@ def within_noise(q: Array, v: Array, limits: MotionLimits) -> tuple[Array, Array
     out = ((q - limits.lower <= _READING) & (v < 0.0)) | (
         (limits.upper - q <= _READING) & (v > 0.0)
     )
-    creeping = np.abs(v) <= _CREEP * limits.velocity
+    creeping = np.abs(v) <= CREEP * limits.velocity
     return q, np.where(~limits.unlimited & out & creeping, 0.0, v)
 
 

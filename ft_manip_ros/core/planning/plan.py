@@ -98,6 +98,9 @@ class Plan:
         Checked, over all joints, frozen ones held; None where nothing is to be sent.
     why_not
         Why goals with known postures are not visited, if that is so.
+    pause
+        Rest (s) after the stop at the beginning, put in for the time that planning took; part
+        of the trajectory and of the arrivals.
     """
 
     status: PlanStatus
@@ -107,3 +110,4 @@ class Plan:
     outcomes: tuple[GoalOutcome, ...]
     trajectory: Trajectory | None = None
     why_not: str = ''
+    pause: float = 0.0

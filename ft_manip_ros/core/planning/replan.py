@@ -13,7 +13,9 @@ from ft_manip_ros.core.errors import InputError
 from ft_manip_ros.core.ftws.task_map import reach
 from ft_manip_ros.core.goal import Goal
 from ft_manip_ros.core.planning.collision import CollisionChecker
+from ft_manip_ros.core.planning.handover import Handover, paused
 from ft_manip_ros.core.planning.limits import (
+    CREEP,
     MotionLimits,
     arrays_within,
     motion_limits,
@@ -42,6 +44,7 @@ def plan_task(
     halt: str = '',
     hints: Mapping[int, Array] | None = None,
     checker: CollisionChecker | None = None,
+    handover: Handover | None = None,
 ) -> Plan:
     """Decide what becomes of the remaining goals and make the motion that visits them.
 
@@ -69,6 +72,8 @@ def plan_task(
     checker
         Of bodies that must not touch along the motion, after the stop from the moving state;
         None: nothing is checked.
+    handover
+        What to do while the plan is being made; None: nothing, it is made at once.
 
     Raises
     ------
@@ -94,6 +99,11 @@ def plan_task(
     stopping = stop_route(start[healthy], start_velocity[healthy], hard, settings)
     here = start.copy()
     here[healthy] = stopping.motion.positions[-1]
+    moving = bool((np.abs(start_velocity) > CREEP * limits.velocity)[healthy].any())
+    if handover is not None and checker is not None and moving:
+        braked, _ = _checked(chain, stopping, healthy, start, start_velocity, frozen, limits)
+        if braked is not None:
+            handover.stop(braked)
     allowed = () if checker is None else checker.allow_at(here)
     arrays, blur = arrays_within(chain, limits, clear=True), _blur(chain, sigma)
     findings = triage(arrays, rod, mask, goals, here, settings, hints or {}, blur, checker)
@@ -130,11 +140,13 @@ def plan_task(
         findings = [_cut_off(f) if f.index in route.cut_off else f for f in findings]
         if route.cut_off and frozen and settings.policy == Policy.FINISH_ALL_OR_HALT:
             route, why_not = stopping, 'the policy is to finish all or halt, and a way is blocked'
+    pause = 0.0 if handover is None else handover.pause(route)
+    route = paused(route, pause)
     motion, problems = _checked(chain, route, healthy, start, start_velocity, frozen, limits)
     refused = '; '.join(problems)
     if problems and route is not stopping:
         # What the controller follows now may command the joint that failed: stopping is safer.
-        route = stopping
+        route, pause = stopping, 0.0
         motion, problems = _checked(chain, route, healthy, start, start_velocity, frozen, limits)
     outcomes = tuple(
         outcome_of(chain, finding, route.visits.get(finding.index), frozen, sigma)
@@ -149,7 +161,7 @@ def plan_task(
     if refused:
         instead = 'nothing is sent' if problems else 'the arm stops instead'
         status, reason = PlanStatus.REFUSED, f'the trajectory is unsafe, {instead}: {refused}'
-    return Plan(status, reason, dict(frozen), dict(sigma), outcomes, motion, why_not)
+    return Plan(status, reason, dict(frozen), dict(sigma), outcomes, motion, why_not, pause)
 
 
 def _checked(

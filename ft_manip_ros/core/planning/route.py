@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -41,11 +42,14 @@ class Route:
     """A motion of the healthy joints, and what it visits, by place in the original task.
 
     ``cut_off`` are the places of goals to which no way was found that touches nothing.
+    ``stopped`` is when (s) the arm rests between a stop at the beginning and the first move;
+    infinite where it flows on.
     """
 
     motion: Motion
     visits: dict[int, Visit] = field(default_factory=dict)
     cut_off: set[int] = field(default_factory=set)
+    stopped: float = math.inf
 
 
 def stop_route(q: Array, v: Array, limits: MotionLimits, settings: PlanSettings) -> Route:
@@ -176,7 +180,8 @@ def plan_route(
         parts.append(timing.hold(at, max(settings.dwell, timing.SHORTEST_STEP)))
         clock += parts[-1].duration
     cut_off = {finding.index for k, finding in enumerate(findings) if k not in way.kept}
-    return Route(timing.joined(parts), visits, cut_off)
+    stopped = math.inf if halt is None else halt.duration
+    return Route(timing.joined(parts), visits, cut_off, stopped)
 
 
 def _line_motions(
