@@ -23,6 +23,8 @@ TOPICS = (
     topics.ROBOT_DESCRIPTION,
     *(topics.markers(node) for node in ('fault_monitor', 'replanner', 'workspace', 'designer')),
     'replanner/path',
+    topics.FTWS_MAP,
+    topics.FTWS_MAP_MARKERS,
     topics.DIAGNOSTICS,
     '/parameter_events',
     '/rosout',
