@@ -117,7 +117,7 @@ class Executive:
         Raises
         ------
         InputError
-            For a joint of the arm that is missing or NaN.
+            For a joint of the arm that is missing, NaN, or where no joint can stand.
         """
         if not self._states.add(stamp, positions, velocities):
             return [], None

@@ -12,6 +12,10 @@ from ft_manip_ros.core.chain import Array, SerialChain
 from ft_manip_ros.core.errors import InputError
 
 _SECOND = 1_000_000_000
+# A driver may find another zero, but no joint stands further beyond its limits (rad or m).
+_BEYOND = 2.0 * math.pi
+_ABSURD_POSITION = 1e4  # rad or m, of joints that turn on and on
+_ABSURD_SPEED = 100.0  # rad/s or m/s: no joint of an arm is as fast
 
 
 class MeasuredStates:
@@ -46,7 +50,10 @@ class MeasuredStates:
 
     @property
     def velocity(self) -> Array:
-        """Newest measured joint speeds, (n,), or those fitted to the latest positions."""
+        """Newest measured joint speeds, (n,), or those fitted to the latest positions.
+
+        Zero for a joint that would be faster than any is.
+        """
         stamp, _, v = self._states[-1]
         if v is not None:
             return v
@@ -55,7 +62,8 @@ class MeasuredStates:
         if len(recent) < 2:
             return np.zeros(self._chain.n)
         t = np.array([s - stamp for s, _ in recent]) / _SECOND
-        return np.asarray(np.polyfit(t, np.array([p for _, p in recent]), 1)[0])
+        fitted = np.asarray(np.polyfit(t, np.array([p for _, p in recent]), 1)[0])
+        return np.where(np.abs(fitted) <= _ABSURD_SPEED, fitted, 0.0)
 
     @property
     def period(self) -> float:
@@ -69,19 +77,22 @@ class MeasuredStates:
     ) -> bool:
         """Take in a state of the whole arm, by joint name; joints of others may be in it.
 
-        Returns False for one that is late or repeated: newer ones have been used.
+        Returns False for one that is late or repeated: newer ones have been used. Speeds are
+        taken for unknown where one is not finite or faster than any joint.
 
         Raises
         ------
         InputError
-            For a joint of the arm that is missing or NaN.
+            For a joint of the arm that is missing, NaN, or where no joint can stand.
         """
         q = self._of_arm(positions)
+        self._refuse_absurd(q)
         if self._states and stamp <= self.stamp:
             return False
         v = None
         if velocities is not None and all(
-            math.isfinite(velocities.get(name, math.nan)) for name in self._chain.joint_names
+            abs(velocities.get(name, math.nan)) <= _ABSURD_SPEED
+            for name in self._chain.joint_names
         ):
             v = self._of_arm(velocities)
         self._states.append((stamp, q, v))
@@ -101,3 +112,13 @@ class MeasuredStates:
         if bad:
             raise InputError(f'joint state: {", ".join(bad)}', 'NaN or infinite')
         return q
+
+    def _refuse_absurd(self, q: Array) -> None:
+        lower = np.maximum(self._chain.lower - _BEYOND, -_ABSURD_POSITION)
+        upper = np.minimum(self._chain.upper + _BEYOND, _ABSURD_POSITION)
+        for name, value, low, high in zip(self._chain.joint_names, q, lower, upper, strict=True):
+            if not low <= value <= high:
+                raise InputError(
+                    f'joint state: {name}',
+                    f'is {value:g}; readings between {low:.6g} and {high:.6g} are believed',
+                )

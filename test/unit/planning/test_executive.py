@@ -199,6 +199,10 @@ def test_velocity_is_fitted_where_none_is_given():
     [
         ({'joint_1': 0.0}, 'joint_2, joint_3'),
         ({**dict.fromkeys(ARM.joint_names, 0.0), 'joint_4': np.nan}, 'joint_4: NaN'),
+        (
+            {**dict.fromkeys(ARM.joint_names, 0.0), 'joint_3': 1e95},
+            r'joint_3: is 1e\+95; readings',
+        ),
     ],
 )
 def test_bad_states_are_refused_and_nothing_changes(positions, words):
@@ -207,6 +211,23 @@ def test_bad_states_are_refused_and_nothing_changes(positions, words):
     with pytest.raises(InputError, match=words):
         executive.on_joint_state(2, positions)
     assert executive.on_task(TASK).stamp == 1
+
+
+@pytest.mark.parametrize('speed', [1e4, 1e50, np.inf])
+def test_a_speed_that_no_joint_has_is_taken_for_unknown(speed):
+    executive = Executive(ARM)
+    at_rest = dict.fromkeys(ARM.joint_names, 0.2)
+    executive.on_joint_state(
+        10**9, at_rest, {**dict.fromkeys(ARM.joint_names, 0.0), 'joint_3': speed}
+    )
+    assert executive.on_task(TASK).plan.status == PlanStatus.FINISHES
+
+
+def test_a_jump_within_a_microsecond_is_no_speed():
+    executive = Executive(ARM)
+    executive.on_joint_state(10**9, dict.fromkeys(ARM.joint_names, 0.2))
+    executive.on_joint_state(10**9 + 1000, dict.fromkeys(ARM.joint_names, 0.3))
+    assert executive.on_task(TASK).plan.status == PlanStatus.FINISHES
 
 
 def test_bad_faults_are_refused():
