@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 from ft_manip_ros.bags.definitions import MessageDefinition, message_definition
@@ -25,23 +26,32 @@ def copy_bag(bag: Bag, folder: Path, settings: WriterSettings | None = None) -> 
     Raises
     ------
     InputError
-        If the folder exists.
+        If the folder exists, or the bag cannot be read to its end; nothing is left then.
     OSError
         If the disk refuses.
     """
-    definitions = _definitions(bag)
-    with BagWriter(folder, settings) as writer:
-        for name, values in bag.provenance.items():
-            if name != _OWN:
-                writer.add_provenance(name, values)
-        for name, (media_type, content) in bag.attachments.items():
-            writer.add_attachment(name, media_type, content)
-        for message in bag.messages():
-            key = writer.add_topic(
-                message.topic, definitions[message.type_name], bag.topics[message.topic].qos
-            )
-            writer.write(key, message.data, message.log_time, message.publish_time)
+    writer = BagWriter(folder, settings)
+    try:
+        with writer:
+            _copy(bag, writer)
+    except InputError:
+        shutil.rmtree(folder)
+        raise
     return bag.message_count
+
+
+def _copy(bag: Bag, writer: BagWriter) -> None:
+    definitions = _definitions(bag)
+    for name, values in bag.provenance.items():
+        if name != _OWN:
+            writer.add_provenance(name, values)
+    for name, (media_type, content) in bag.attachments.items():
+        writer.add_attachment(name, media_type, content)
+    for message in bag.messages():
+        key = writer.add_topic(
+            message.topic, definitions[message.type_name], bag.topics[message.topic].qos
+        )
+        writer.write(key, message.data, message.log_time, message.publish_time)
 
 
 def _definitions(bag: Bag) -> dict[str, MessageDefinition]:

@@ -127,7 +127,7 @@ class FaultReplay:
         if self._seen_sample:
             return
         for joint in message.joints:
-            state = JointState(joint.state)
+            state = _state(joint.state)
             if state in (JointState.LOCKED, JointState.RUNAWAY):
                 self._monitor.restore(
                     joint.name,
@@ -152,7 +152,7 @@ class FaultReplay:
             self._note(self._monitor.clear(request.joint, stamp, request.reason))
 
     def _on_recorded(self, record: BagMessage, message: Any) -> None:
-        before, after = JointState(message.previous_state), JointState(message.state)
+        before, after = _state(message.previous_state), _state(message.state)
         if {before, after} & _FAULTS:
             stamp = nanoseconds(message.stamp)
             self.recorded.append(
@@ -172,6 +172,14 @@ class FaultReplay:
                         report.frozen_position,
                     )
                 )
+
+
+def _state(number: int) -> JointState:
+    try:
+        return JointState(number)
+    except ValueError:
+        known = ', '.join(f'{state.value} {state.name}' for state in JointState)
+        raise InputError('state', f'is {number}; there are {known}') from None
 
 
 def _finding(

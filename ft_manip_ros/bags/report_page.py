@@ -77,7 +77,7 @@ def _plans(data: ReportData) -> str:
             relaxed = f' ({goal.relaxation})' if goal.relaxation else ''
             rows.append(
                 (*head, goal.id or str(goal.index), outcome + relaxed, goal.reason,
-                 f'{goal.position_error * 1e3:.4g}', f'{goal.arrival:.2f}')
+                 _millimetres(goal.position_error), f'{goal.arrival:.2f}')
             )  # fmt: skip
             bad.append(outcome in ('lost', 'undecided'))
             head = ('', '', '')
@@ -128,10 +128,15 @@ def _table(
     for k, row in enumerate(rows):
         lines.append('<tr class="bad">' if bad is not None and bad[k] else '<tr>')
         for cell in row:
-            number = cell.replace('.', '').replace('-', '').isdigit()
+            number = cell.removeprefix('< ').replace('.', '').replace('-', '').isdigit()
             lines.append(f'<td{" class=number" if number else ""}>{escape(cell)}</td>')
         lines.append('</tr>')
     return ''.join([*lines, '</tbody></table>'])
+
+
+def _millimetres(metres: float) -> str:
+    """A length in mm, not finer than a micrometre."""
+    return '< 0.001' if metres < 1e-6 else f'{metres * 1e3:.3f}'
 
 
 def _name(names: tuple[str, ...], number: int) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import matplotlib
@@ -11,9 +11,12 @@ matplotlib.use('Agg')
 
 import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ft_manip_ros.bags.report_data import OUTCOMES, ReportData
+from ft_manip_ros.core.chain import Array
+from ft_manip_ros.core.plot_text import plain
 
 _COLORS = {'reachable': '#2a9d4a', 'relaxed': '#d9a400', 'lost': '#c62828', 'undecided': '#777777'}
 _MEASURED, _COMMANDED, _FAULT = '#1f4e9c', '#999999', '#c62828'
@@ -45,8 +48,7 @@ def _joints(data: ReportData) -> Figure:
         len(names), 1, sharex=True, squeeze=False, figsize=(_WIDTH, 1.3 * len(names) + 0.8)
     )
     for name, axis in zip(names, axes[:, 0], strict=True):
-        for times, values in data.commands.get(name, ()):
-            axis.plot(times, values, color=_COMMANDED, linewidth=3, alpha=0.6, label='commanded')
+        _commanded(axis, data.commands.get(name, ()))
         times, values = data.joints[name]
         axis.plot(times, values, color=_MEASURED, linewidth=1, label='measured')
         for when, joint, frozen in data.locks:
@@ -56,16 +58,35 @@ def _joints(data: ReportData) -> Figure:
                 axis.annotate(
                     f'LOCKED at {frozen:.4f}', (when, frozen), color=_FAULT, fontsize=8,
                     xytext=(4, 4), textcoords='offset points',
+                    bbox={'facecolor': 'white', 'edgecolor': 'none', 'alpha': 0.8, 'pad': 1},
                 )  # fmt: skip
-        axis.set_ylabel(f'{name}\n(rad or m)', fontsize=8)
+        axis.set_ylabel(f'{plain(name)}\n(rad or m)', fontsize=8)
         axis.tick_params(labelsize=7)
         axis.grid(alpha=0.3)
     axes[-1, 0].set_xlabel('time (s)')
     handles, labels = axes[0, 0].get_legend_handles_labels()
     unique = dict(zip(labels, handles, strict=True))
-    figure.legend(unique.values(), unique.keys(), loc='upper right', fontsize=8, ncols=2)
-    figure.tight_layout()
+    figure.legend(unique.values(), unique.keys(), loc='upper right', fontsize=8, ncols=3)
+    figure.tight_layout(rect=(0.0, 0.0, 1.0, 1.0 - 0.3 / figure.get_figheight()))
     return figure
+
+
+def _commanded(axis: Axes, commands: Sequence[tuple[Array, Array]]) -> None:
+    """Draw the trajectories of a joint, each as in force until the next one begins."""
+    commands = [(times, values) for times, values in commands if len(times)]
+    for k, (times, values) in enumerate(commands):
+        end = commands[k + 1][0][0] if k + 1 < len(commands) else np.inf
+        cut = np.interp(end, times, values)
+        kept, later = times < end, times > end
+        axis.plot(
+            np.append(times[kept], min(end, times[-1])), np.append(values[kept], cut),
+            color=_COMMANDED, linewidth=3, alpha=0.6, label='commanded',
+        )  # fmt: skip
+        if later.any():
+            axis.plot(
+                np.append(end, times[later]), np.append(cut, values[later]),
+                color=_COMMANDED, linewidth=1, linestyle='--', label='commanded, then replaced',
+            )  # fmt: skip
 
 
 def _goal_colors(data: ReportData) -> list[str]:
@@ -92,7 +113,11 @@ def _tool_path(data: ReportData) -> Figure:
         for (name, goal), color in zip(data.goals, _goal_colors(data), strict=True):
             axis.scatter(goal[a], goal[b], color=color, s=40, zorder=3)
             axis.annotate(
-                name, (goal[a], goal[b]), fontsize=8, xytext=(5, 5), textcoords='offset points'
+                plain(name),
+                (goal[a], goal[b]),
+                fontsize=8,
+                xytext=(5, 5),
+                textcoords='offset points',
             )
         axis.set_xlabel(f'{"xyz"[a]} (m)')
         axis.set_ylabel(f'{"xyz"[b]} (m)')
@@ -109,10 +134,13 @@ def _distances(data: ReportData) -> Figure:
     figure, axis = plt.subplots(figsize=(_WIDTH, 3.2))
     for k, (name, goal) in enumerate(data.goals):
         distance = np.linalg.norm(path - goal, axis=1)
-        axis.semilogy(times, np.maximum(distance, 1e-6) * 1e3, label=name or f'goal {k}')
+        axis.semilogy(times, np.maximum(distance, 1e-6) * 1e3, label=plain(name) or f'goal {k}')
     for when, joint, _ in data.locks:
         axis.axvline(when, color=_FAULT, linewidth=1)
-        axis.annotate(f'{joint} locked', (when, axis.get_ylim()[1]), color=_FAULT, fontsize=8)
+        axis.annotate(
+            f'{plain(joint)} locked', (when, 0.02), xycoords=('data', 'axes fraction'), fontsize=8,
+            color=_FAULT, rotation=90, ha='right', va='bottom',
+        )  # fmt: skip
     axis.axhline(1.0, color='black', linewidth=0.5, linestyle=':')
     axis.set_xlabel('time (s)')
     axis.set_ylabel('distance (mm)')

@@ -59,12 +59,18 @@ class SqliteSource:
         ]
 
     def messages(self, wanted: Collection[str] | None = None) -> Iterator[BagMessage]:
-        """Messages of these topics (None: all) by log time, then topic."""
+        """Messages of these topics (None: all) by log time, then topic.
+
+        Raises
+        ------
+        InputError
+            Where the database turns out to be damaged.
+        """
         held: list[BagMessage] = []
         chosen = [c for c in self._connections if wanted is None or c.topic in wanted]
         if not chosen:
             return
-        for connection, log_time, data in self._reader.messages(chosen):
+        for connection, log_time, data in self._rows(chosen):
             if held and held[0].log_time != log_time:
                 yield from sorted(held, key=lambda message: message.topic)
                 held.clear()
@@ -72,6 +78,19 @@ class SqliteSource:
                 BagMessage(connection.topic, connection.msgtype, log_time, log_time, bytes(data))
             )
         yield from sorted(held, key=lambda message: message.topic)
+
+    def _rows(self, chosen: list[Connection]) -> Iterator[tuple[Connection, int, bytes]]:
+        read = 0
+        try:
+            for row in self._reader.messages(chosen):
+                yield row
+                read += 1
+        except Exception as error:  # noqa: BLE001 (as above)
+            raise InputError(
+                f'bag file {self.path}',
+                f'is damaged: {read} messages were read, then {error} '
+                '(the .recover command of the sqlite3 shell may save more)',
+            ) from None
 
 
 def _qos(connection: Connection) -> tuple[QosProfile, ...]:

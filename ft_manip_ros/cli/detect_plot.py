@@ -15,6 +15,7 @@ import numpy as np
 from ft_manip_ros.core.detection.offline import Trace
 from ft_manip_ros.core.detection.states import Edge, JointState
 from ft_manip_ros.core.errors import InputError
+from ft_manip_ros.core.plot_text import plain
 
 COLORS = {
     JointState.SUSPECT: 'gold',
@@ -49,7 +50,7 @@ def draw(path: Path, title: str, trace: Trace, edges: Sequence[Edge]) -> None:
         motion, evidence = axes[j]
         motion.plot(times, tables['commands'][:, j], color='tab:blue', lw=0.8, label='command')
         motion.plot(times, tables['positions'][:, j], color='tab:red', lw=0.8, label='position')
-        motion.set_ylabel(name)
+        motion.set_ylabel(plain(name))
         evidence.plot(times, tables['residuals'][:, j], lw=0.8, label='residual')
         evidence.plot(times, tables['thresholds'][:, j], 'k--', lw=0.8, label='threshold')
         for axis in (motion, evidence):
@@ -68,7 +69,7 @@ def draw(path: Path, title: str, trace: Trace, edges: Sequence[Edge]) -> None:
     for axis in axes[-1]:
         axis.set_xlabel('time (s)')
     shown = ', '.join(f'{color}: {state.name}' for state, color in COLORS.items())
-    figure.suptitle(f'{title}   ({shown})', fontsize=9)
+    figure.suptitle(f'{plain(title)}   ({shown})', fontsize=9)
     try:
         figure.savefig(path, dpi=110)
     except (OSError, ValueError) as error:

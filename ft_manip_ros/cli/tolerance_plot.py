@@ -14,6 +14,7 @@ from matplotlib.patches import Patch
 
 from ft_manip_ros.core.goal import Task
 from ft_manip_ros.core.planning.tolerance import ToleranceMap
+from ft_manip_ros.core.plot_text import plain
 
 # By `Fate`: lost, open, survived.
 _COLORS = ('#c0392b', '#bdbdbd', '#2e9e4f')
@@ -40,18 +41,14 @@ def draw(
             norm=BoundaryNorm([-0.5, 0.5, 1.5, 2.5], 3),
             extent=(0.0, end, len(judged.joint_names) - 0.5, -0.5),
         )
-        axis.set_yticks(range(len(judged.joint_names)), judged.joint_names)
+        axis.set_yticks(range(len(judged.joint_names)), map(plain, judged.joint_names))
         axis.set_xlabel('time of the lock (s)')
-        axis.set_title(
-            f'{name} path: any joint may lock for {100.0 * judged.any_joint:.0f} % of the time',
-            pad=16,
-        )
+        share = f'{100.0 * judged.any_joint:.0f} %'
+        axis.set_title(f'{plain(name)} path: any joint may lock for {share} of the time', pad=16)
         for index, arrival in arrivals[name].items():
             axis.axvline(arrival, color='black', linewidth=0.8)
-            axis.text(
-                arrival, -0.55, task.goals[index].id or str(index), ha='center', va='bottom',
-                fontsize=7,
-            )  # fmt: skip
+            goal = plain(task.goals[index].id) or str(index)
+            axis.text(arrival, -0.55, goal, ha='center', va='bottom', fontsize=7)
     figure.legend(
         handles=[Patch(color=c, label=t) for c, t in zip(_COLORS, _LABELS, strict=True)],
         loc='outside lower center',

@@ -12,11 +12,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 from mcap.writer import CompressionType, Writer
+from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import Writer as RosbagsWriter
+from rosbags.typesys import Stores, get_typestore
 
+from ft_manip_interfaces.msg import JointFault
 from ft_manip_ros.bags.copy import copy_bag
+from ft_manip_ros.bags.definitions import message_definition
 from ft_manip_ros.bags.reader import open_bag
+from ft_manip_ros.bags.writer import BagWriter
 from ft_manip_ros.cli.main import main
 from ft_manip_ros.core.errors import InputError
+from support.cdr import cdr
 
 CASE = Path(__file__).resolve().parents[2] / 'bags' / 'locked_joint' / 'bag'
 WHOLE = next(CASE.glob('*.mcap')).read_bytes()
@@ -124,6 +131,59 @@ def test_wrong_cdr_and_schemas_without_checksums(seed: int, tmp_path: Path) -> N
         writer.add_message(channels[message.topic], message.log_time, bytes(data), 0)
     writer.finish()
     assert main(['replay', str(tmp_path / 'x.mcap'), '--arm', 'paredis_table_3']) in (0, 2)
+
+
+def test_a_state_that_there_is_not_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with BagWriter(tmp_path / 'bag') as writer:
+        key = writer.add_topic(
+            '/fault_events', message_definition('ft_manip_interfaces/msg/JointFault')
+        )
+        writer.write(key, cdr(JointFault(name='a', state=208)), 10**18)
+    assert main(['replay', str(tmp_path / 'bag'), '--arm', 'paredis_table_3']) == 0
+    assert '/fault_events: state: is 208; there are 0 OK, 1 IDLE' in capsys.readouterr().out
+
+
+@pytest.fixture(scope='module')
+def database(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    """The joint states of the case as a SQLite file."""
+    folder = tmp_path_factory.mktemp('sqlite') / 'bag'
+    with RosbagsWriter(folder, version=9, storage_plugin=StoragePlugin.SQLITE3) as writer:
+        types = get_typestore(Stores.ROS2_JAZZY)
+        key = writer.add_connection('/joint_states', 'sensor_msgs/msg/JointState', typestore=types)
+        for message in open_bag(CASE).messages(['/joint_states']):
+            writer.write(key, message.log_time, message.data)
+    return next(folder.glob('*.db3')).read_bytes()
+
+
+@pytest.mark.parametrize('seed', range(20))
+def test_a_damaged_database_is_named_and_leaves_nothing(
+    database: bytes, seed: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rng = np.random.default_rng([seed, 13])
+    data = bytearray(database)
+    # Pages after the first ones, which hold the tables of topics and types.
+    for at in rng.integers(len(data) // 8, len(data), 40):
+        data[at] ^= int(rng.integers(1, 256))
+    (tmp_path / 'x.db3').write_bytes(data)
+    code = main(['bag', 'recover', str(tmp_path / 'x.db3'), str(tmp_path / 'out')])
+    assert code in (0, 2)
+    assert (tmp_path / 'out').exists() == (code == 0)
+    if code == 2:
+        assert 'x.db3: is' in capsys.readouterr().err
+
+
+def test_damage_inside_a_database_says_how_much_was_read(
+    database: bytes, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    data = bytearray(database)
+    # The last quarter's pages: their b-tree headers and all.
+    data[len(data) * 3 // 4 :] = bytes(len(data) - len(data) * 3 // 4)
+    (tmp_path / 'x.db3').write_bytes(data)
+    assert main(['bag', 'recover', str(tmp_path / 'x.db3'), str(tmp_path / 'out')]) == 2
+    assert 'x.db3: is' in capsys.readouterr().err
+    assert not (tmp_path / 'out').exists()
 
 
 def test_damage_costs_no_memory(tmp_path: Path) -> None:

@@ -12,6 +12,7 @@ from pathlib import Path
 import matplotlib.image
 import pytest
 from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory
 
 from ft_manip_interfaces.msg import JointFault, Task, TaskGoal
 from ft_manip_ros.bags.definitions import message_definition
@@ -106,7 +107,8 @@ def test_what_the_bag_says_is_shown_not_run(tmp_path: Path) -> None:
     messages = {
         '/fault_events': JointFault(name='a', state=JointFault.LOCKED, cause=evil),
         '/task': Task(name=evil, goals=[TaskGoal(id='<b>')]),
-        '/joint_states': JointState(name=['a', '$x_'], position=[float('nan'), 1.0]),
+        '/joint_states': JointState(name=['a', '$x_', '$$o_2'], position=[float('nan'), 1.0, 2.0]),
+        '/joint_trajectory_controller/joint_trajectory': JointTrajectory(joint_names=['a', '$x_']),
     }
     with BagWriter(tmp_path / 'bag') as writer:
         writer.add_provenance('ft_manip_ros', {'note': evil})

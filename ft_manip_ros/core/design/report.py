@@ -20,6 +20,7 @@ from ft_manip_ros.core.design.restarts import random_state, solve_with_restarts
 from ft_manip_ros.core.ftws.query import query
 from ft_manip_ros.core.ftws.settings import FtwsSettings
 from ft_manip_ros.core.ftws.verdict import Verdict
+from ft_manip_ros.core.plot_text import plain
 from ft_manip_ros.core.whole_file import whole_file
 
 matplotlib.use('Agg')
@@ -53,7 +54,7 @@ def write_report(
     """
     figure = plt.figure(figsize=(15, 5), constrained_layout=True)
     figure.suptitle(
-        f'{result.table.name}: {"proved" if result.proved else "not proved"}, '
+        f'{plain(result.table.name)}: {"proved" if result.proved else "not proved"}, '
         f'penalty {result.penalty:.3g} after {result.iterations} tables'
     )
     _draw_arms(figure.add_subplot(1, 3, 1, projection='3d'), problem, result)
@@ -133,7 +134,7 @@ def _draw_arms(axes: Any, problem: DesignProblem, result: DesignResult) -> None:
     p = problem.parameters(result.table)
     for goal, (subset, q, value) in enumerate(weakest_postures(problem, p)):
         frozen = ', '.join(
-            f'{result.table.joints[j].name} at {np.rad2deg(q[j]):.0f}°'
+            f'{plain(result.table.joints[j].name)} at {np.rad2deg(q[j]):.0f}°'
             for j in problem.sets.frozen[subset]
         )
         miss = '' if value <= ZERO else f', misses by {np.sqrt(value):.2g} m'

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ft_manip_ros.core.errors import InputError
 from ft_manip_ros.core.ftws.ftws_map import FtwsMap
+from ft_manip_ros.core.plot_text import plain
 
 matplotlib.use('Agg')
 
@@ -69,7 +70,9 @@ def plot_map(ftws_map: FtwsMap, path: str | os.PathLike[str]) -> None:
 
     lower, upper = ftws_map.measure()
     unit = ftws_map.frame.unit.replace('^2', '²').replace('^3', '³')
-    title = f'{ftws_map.arm}: order {ftws_map.order} FTWS, {lower:.4g} to {upper:.4g} {unit}'
+    title = (
+        f'{plain(ftws_map.arm)}: order {ftws_map.order} FTWS, {lower:.4g} to {upper:.4g} {unit}'
+    )
     if ftws_map.frame.dimension == 2:
         figure = Figure(figsize=(6.0, 6.0), layout='constrained')
         draw_map(figure.subplots(), ftws_map)
