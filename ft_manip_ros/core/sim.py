@@ -1,4 +1,4 @@
-"""A simulated arm: servos that follow joint paths, encoders that report, joints that lock."""
+"""A simulated arm: servos that follow joint paths, encoders that report, joints that fail."""
 
 from __future__ import annotations
 
@@ -15,6 +15,9 @@ from ft_manip_ros.core.joint_path import JointPath
 
 # The servo equations are integrated at this fixed step (s), whoever asks when.
 STEP = 1e-3
+# A sluggish joint falls behind by so much a second, and by no more than this in the end (s).
+_FALLING = 0.1
+MOST_LATE = 1.0
 # How far a path may leave the limits, as part of the range: a stop that begins beside a limit
 # ends beyond it, and the mechanical stop takes the rest.
 _LIMIT_SLACK = 0.02
@@ -102,12 +105,16 @@ class SimulatedArm:
         self._upper = np.where(wraps, np.inf, np.maximum(chain.upper, self.position))
         self.velocity = np.zeros(chain.n)
         self.locked = np.zeros(chain.n, dtype=bool)
+        # How late each joint hears its command, s: in the end, and now.
+        self._late = np.zeros(chain.n)
+        self._behind = np.zeros(chain.n)
+        self._heard = np.tile(self.position, (round(MOST_LATE / STEP) + 1, 1))
         self._origin = time
         self._steps = 0
         self._path = JointPath(chain.joint_names, np.zeros(1), self.position[None, :])
         self._path_start = time
-        # (time, number of the request, joint, lock or release)
-        self._events: list[tuple[float, int, int, bool]] = []
+        # (time, number of the request, joint, whether it locks, how late it is then)
+        self._events: list[tuple[float, int, int, bool, float]] = []
         self._requests = 0
 
     @property
@@ -155,18 +162,30 @@ class SimulatedArm:
 
     def lock(self, joint: str, time: float) -> None:
         """Lock a joint where it will stand at ``time``: it stops and ignores commands."""
-        self._schedule(joint, time, True)
+        self._schedule(joint, time, True, 0.0)
 
     def release(self, joint: str, time: float) -> None:
         """Let a joint work again from ``time`` on."""
-        self._schedule(joint, time, False)
+        self._schedule(joint, time, False, 0.0)
 
-    def _schedule(self, joint: str, time: float, lock: bool) -> None:
+    def slow(self, joint: str, time: float, lag: float) -> None:
+        """Let a joint fall behind its command from ``time`` on, by ``lag`` (s) in the end.
+
+        Raises
+        ------
+        InputError
+            For a lag that is not above 0 and at most `MOST_LATE`, or an unknown joint.
+        """
+        if not 0.0 < lag <= MOST_LATE:
+            raise InputError('lag', f'is {lag}; must be above 0 and at most {MOST_LATE:g} s')
+        self._schedule(joint, time, False, lag)
+
+    def _schedule(self, joint: str, time: float, lock: bool, lag: float) -> None:
         index = self.chain.index(joint)
         if not math.isfinite(time):
             raise InputError(f'fault of {joint}: time', f'is {time}; must be finite')
         self._requests += 1
-        heapq.heappush(self._events, (time, self._requests, index, lock))
+        heapq.heappush(self._events, (time, self._requests, index, lock, lag))
         self._apply_events()
 
     def advance(self, time: float) -> None:
@@ -188,6 +207,7 @@ class SimulatedArm:
 
     def _step(self) -> None:
         command, _ = self._path.sample(self.time + STEP - self._path_start)
+        command = self._hear(command)
         w = self.settings.servo_frequency
         reserve = self.settings.acceleration_reserve * self.chain.acceleration
         # Critically damped and without feed-forward, so no speed or acceleration of the motion
@@ -203,9 +223,21 @@ class SimulatedArm:
         speed[(position == self._lower) | (position == self._upper)] = 0.0
         self.position, self.velocity = position, speed
 
+    def _hear(self, command: Array) -> Array:
+        """Command as each joint hears it: sluggish ones hear what was said a while ago."""
+        newest = self._steps % len(self._heard)
+        self._heard[newest] = command
+        if not (self._late.any() or self._behind.any()):
+            return command
+        change = np.clip(self._late - self._behind, -_FALLING * STEP, _FALLING * STEP)
+        self._behind += change
+        back = np.rint(self._behind / STEP).astype(int)
+        return self._heard[(newest - back) % len(self._heard), np.arange(len(command))]
+
     def _apply_events(self) -> None:
         while self._events and self._events[0][0] <= self.time + 1e-9:
-            _, _, joint, lock = heapq.heappop(self._events)
+            _, _, joint, lock, lag = heapq.heappop(self._events)
             self.locked[joint] = lock
+            self._late[joint] = lag
             if lock:
                 self.velocity[joint] = 0.0

@@ -122,16 +122,21 @@ class ArmSim(ManagedNode):
     ) -> InjectFault.Response:
         if not (np.isfinite(request.delay) and request.delay >= 0.0):
             raise InputError('delay', f'is {request.delay}; must be finite and at least 0 s')
-        kinds = {
-            InjectFault.Request.LOCK: ('locks', self._arm.lock),
-            InjectFault.Request.RELEASE: ('works again', self._arm.release),
-        }
-        if request.kind not in kinds:
-            raise InputError('kind', f'is {request.kind}; must be 0 (lock) or 1 (release)')
-        verb, apply = kinds[request.kind]
         self._arm.advance(self._now())
         time = max(self._arm.time, self._now()) + request.delay
-        apply(request.joint, time)
+        if request.kind == InjectFault.Request.LOCK:
+            verb = 'locks'
+            self._arm.lock(request.joint, time)
+        elif request.kind == InjectFault.Request.RELEASE:
+            verb = 'works again'
+            self._arm.release(request.joint, time)
+        elif request.kind == InjectFault.Request.SLUGGISH:
+            verb = f'falls behind by {request.lag:g} s'
+            self._arm.slow(request.joint, time, request.lag)
+        else:
+            raise InputError(
+                'kind', f'is {request.kind}; must be 0 (lock), 1 (release) or 2 (sluggish)'
+            )
         response.success = True
         response.message = f'{request.joint} {verb}'
         if request.delay > 0.0:

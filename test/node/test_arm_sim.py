@@ -104,6 +104,7 @@ def test_garbage_is_refused_by_name_and_the_arm_holds(arm, probe):
         (NAMES[0], 7, 0.0, 'kind'),
         (NAMES[0], 0, math.nan, 'delay'),
         (NAMES[0], 0, -1.0, 'delay'),
+        (NAMES[0], 2, 0.0, 'lag'),
     ):
         request = InjectFault.Request(joint=joint, kind=kind, delay=delay)
         answer = probe.call(InjectFault, topics.INJECT_FAULT, request)

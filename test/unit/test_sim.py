@@ -1,5 +1,7 @@
 """The simulated arm against closed forms: servo lag, limits, locks, determinism."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -177,3 +179,28 @@ def test_unknown_joint_names_the_known_ones():
     arm = SimulatedArm(two_joints(), QUIET)
     with pytest.raises(InputError, match='shoulder, elbow'):
         arm.lock('wrist', 0.0)
+
+
+def test_a_sluggish_joint_falls_behind_and_catches_up_when_released():
+    lag = 0.2
+    arm = SimulatedArm(two_joints(velocity=5.0), QUIET)
+    arm.follow(ramp(1.0, 10.0))
+    arm.slow('elbow', 1.0, lag)
+    arm.advance(0.99)
+    np.testing.assert_allclose(arm.position[0], arm.position[1], atol=1e-9)
+    arm.advance(2.0)
+    # A tenth of a second a second.
+    np.testing.assert_allclose(arm.position[0] - arm.position[1], 0.1, atol=5e-3)
+    arm.advance(5.0)
+    np.testing.assert_allclose(arm.position[0] - arm.position[1], lag, atol=2e-3)
+    assert not arm.locked_joints
+    arm.release('elbow', 5.0)
+    arm.advance(9.0)
+    np.testing.assert_allclose(arm.position[0], arm.position[1], atol=2e-3)
+
+
+@pytest.mark.parametrize('lag', [0.0, -0.1, 1.5, math.nan])
+def test_a_lag_that_no_joint_has_is_refused(lag):
+    arm = SimulatedArm(two_joints(), QUIET)
+    with pytest.raises(InputError, match='lag'):
+        arm.slow('elbow', 0.0, lag)
