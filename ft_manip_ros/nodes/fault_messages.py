@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from ft_manip_interfaces.msg import FaultState, JointFault
 from ft_manip_ros.core.chain import SerialChain
+from ft_manip_ros.core.detection.mimics import MimicReport
 from ft_manip_ros.core.detection.states import JointState, Report
 from ft_manip_ros.core.kernels import frames
 from ft_manip_ros.nodes.conversions import stamp
@@ -68,7 +69,13 @@ def state_message(reports: Sequence[Report], ns: int, sequence: int, frame: str)
 
 
 def diagnostics_message(
-    reports: Sequence[Report], hardware: str, ns: int, summary: DiagnosticStatus, silent: bool
+    reports: Sequence[Report],
+    hardware: str,
+    ns: int,
+    summary: DiagnosticStatus,
+    *,
+    silent: bool,
+    mimics: Sequence[MimicReport] = (),
 ) -> DiagnosticArray:
     """Diagnostics of the node and of every joint, as diagnostic_aggregator expects them."""
     message = DiagnosticArray(status=[summary])
@@ -84,6 +91,17 @@ def diagnostics_message(
                 message=f'{report.state.name}: {report.cause}',
                 hardware_id=hardware,
                 values=_values(report),
+            )
+        )
+    for mimic in mimics:
+        level = DiagnosticStatus.OK if mimic.agrees else DiagnosticStatus.ERROR
+        message.status.append(
+            DiagnosticStatus(
+                level=DiagnosticStatus.STALE if silent else level,
+                name=f'{NODE}: {mimic.mimic.name}',
+                message=mimic.text,
+                hardware_id=hardware,
+                values=_key_values({'position': mimic.position, 'expected': mimic.expected}),
             )
         )
     return message
@@ -102,6 +120,10 @@ def _values(report: Report) -> list[KeyValue]:
         'suspects': report.suspects,
         'manual': report.manual,
     }
+    return _key_values(values)
+
+
+def _key_values(values: Mapping[str, object]) -> list[KeyValue]:
     return [
         KeyValue(key=key, value=f'{value:.9g}' if isinstance(value, float) else str(value))
         for key, value in values.items()

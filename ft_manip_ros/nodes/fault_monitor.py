@@ -18,14 +18,16 @@ from visualization_msgs.msg import MarkerArray
 
 from ft_manip_interfaces.msg import FaultState, JointFault, RecoveryPlan
 from ft_manip_interfaces.srv import ClearFault, FreezeJoint
+from ft_manip_ros.core.arm_file import load_arm
 from ft_manip_ros.core.detection.feed import MonitorFeed
+from ft_manip_ros.core.detection.mimics import MimicWatch, mimics_of
 from ft_manip_ros.core.detection.monitor import FaultMonitor
 from ft_manip_ros.core.detection.settings import MonitorSettings
 from ft_manip_ros.core.detection.state_file import restore_faults, save_faults
 from ft_manip_ros.core.detection.states import LATCHED, Edge, JointState
 from ft_manip_ros.core.detection.warm_up import warm_up
 from ft_manip_ros.nodes import topics
-from ft_manip_ros.nodes.arm_model import load_arm_parameter
+from ft_manip_ros.nodes.arm_model import arm_source
 from ft_manip_ros.nodes.conversions import nanoseconds, trajectory_points
 from ft_manip_ros.nodes.fault_messages import (
     NODE,
@@ -54,12 +56,16 @@ class FaultMonitorNode(ManagedNode):
 
     def configure(self) -> None:
         """Load the arm and the faults of an earlier run, open the topics."""
-        self._chain = load_arm_parameter(self)
+        source = arm_source(self)
+        self._chain = load_arm(
+            source, base=self.param('base') or None, tip=self.param('tip') or None
+        )
         settings = MonitorSettings(
             **{item.name: self.param(item.name) for item in fields(MonitorSettings)}
         )
         self._monitor = FaultMonitor(self._chain.joints, settings, exempt=self.param('exempt'))
         self._feed = MonitorFeed(self._monitor)
+        self._mimics = MimicWatch(mimics_of(source, self._monitor.names), settings)
         self._frame = self.param('frame')
         self._sequence = 0
         self._stamp = 0
@@ -159,9 +165,15 @@ class FaultMonitorNode(ManagedNode):
             message.velocity,
             message.effort,
         )
+        if self._mimics.mimics:
+            self._mimics.sample(
+                nanoseconds(message.header.stamp) or arrival,
+                # Of the right length, or empty: the feed has looked.
+                dict(zip(message.name, message.position, strict=False)),
+            )
         self._arrival = arrival
         self._stamp = nanoseconds(message.header.stamp) or arrival
-        foreign = self._feed.ignored - self._told
+        foreign = self._feed.ignored - self._told - self._mimics.names
         if foreign:
             self._told |= foreign
             self.get_logger().info(
@@ -279,7 +291,14 @@ class FaultMonitorNode(ManagedNode):
         else:
             summary.message = 'watching'
         self._diagnostics.publish(
-            diagnostics_message(reports, self._chain.name, self._now(), summary, silent)
+            diagnostics_message(
+                reports,
+                self._chain.name,
+                self._now(),
+                summary,
+                silent=silent,
+                mimics=self._mimics.reports(),
+            )
         )
 
     def _on_time_jump(self, jump: TimeJump) -> None:
