@@ -18,7 +18,6 @@ from ft_manip_ros.core.ftws.certificate import certify, save_certificate
 from ft_manip_ros.core.ftws.ftws_map import FtwsMap, load_map
 from ft_manip_ros.core.ftws.map_build import build_map
 from ft_manip_ros.core.ftws.map_frame import GRIDS, map_frame
-from ft_manip_ros.core.ftws.map_plot import plot_map
 from ft_manip_ros.core.ftws.map_query import query_with_map
 from ft_manip_ros.core.ftws.point_file import read_points
 from ft_manip_ros.core.ftws.query import query
@@ -143,6 +142,9 @@ def _run_map(args: argparse.Namespace, arm: SerialChain) -> int:
     if args.map:
         ftws_map.save(args.map)
     if args.plot:
+        # Loaded only here: matplotlib takes half a second to import.
+        from ft_manip_ros.core.ftws.map_plot import plot_map
+
         plot_map(ftws_map, args.plot)
     if args.json:
         print(

@@ -19,6 +19,17 @@ def test_help_lists_every_command_and_loads_none(capsys):
         assert f'\n  {name} ' in done.stdout
 
 
+def test_matplotlib_is_loaded_for_pictures_only():
+    modules = [c.module for name, c in COMMANDS.items() if name != 'report']
+    code = (
+        'import importlib, sys\n'
+        f'for module in {modules}:\n'
+        '    importlib.import_module("ft_manip_ros.cli." + module)\n'
+        '    assert "matplotlib" not in sys.modules, module\n'
+    )
+    subprocess.run([sys.executable, '-c', code], check=True)
+
+
 @pytest.mark.parametrize('name', COMMANDS)
 def test_every_command_is_there_and_explains_itself(name, capsys):
     module = importlib.import_module(f'ft_manip_ros.cli.{COMMANDS[name].module}')
