@@ -18,13 +18,12 @@ import numpy as np
 from ft_manip_ros.cli.design_output import Progress, describe, to_json
 from ft_manip_ros.core.arm_file import save_dh
 from ft_manip_ros.core.design.candidate import DesignResult
-from ft_manip_ros.core.design.certificate import certify_design
+from ft_manip_ros.core.design.certificate import write_certificate
 from ft_manip_ros.core.design.problem import design_problem
 from ft_manip_ros.core.design.search import design_arm
 from ft_manip_ros.core.design.settings import EXECUTORS, METHODS, DesignSettings
 from ft_manip_ros.core.design.space import FAMILIES
 from ft_manip_ros.core.errors import InputError
-from ft_manip_ros.core.ftws.certificate import save_certificate
 from ft_manip_ros.core.goal import DesignSpec, Task
 from ft_manip_ros.core.task_file import load_task
 
@@ -138,11 +137,12 @@ def run(args: argparse.Namespace) -> int:
         )
     if args.output:
         save_dh(result.table, args.output)
-    confirmed = _certify(args, task, spec, result) if args.certificate else True
+    problem = design_problem(task, spec, settings)
+    confirmed = _certify(args, problem.task, spec, result) if args.certificate else True
     if args.report:
         from ft_manip_ros.core.design.report import write_report
 
-        write_report(args.report, design_problem(task, spec, settings), result, progress.penalties)
+        write_report(args.report, problem, result, progress.penalties)
     print(json.dumps(to_json(task, spec, settings, result)) if args.json else describe(result))
     return 0 if result.proved and confirmed else 1
 
@@ -162,13 +162,10 @@ def _certify(args: argparse.Namespace, task: Task, spec: DesignSpec, result: Des
     if not result.proved:
         print('no certificate: the design is not proved', file=sys.stderr)
         return True
-    documents, outcomes = certify_design(result.table.chain(), task, spec.order)
+    outcomes = write_certificate(args.certificate, result.table.chain(), task, spec.order)
     for confirmed, text in outcomes:
         if not confirmed:
             print(f'the verifier does not confirm a proof: {text}', file=sys.stderr)
-    for i, document in enumerate(documents):
-        path = args.certificate if i == 0 else f'{args.certificate}.{i + 1}'
-        save_certificate(document, path)
     return all(confirmed for confirmed, _ in outcomes)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -73,6 +74,17 @@ PARAMETERS = (
         0.0,
         1e4,
     ),
+    ParameterSpec(
+        'certificate',
+        '',
+        'File for the proofs of each proved design, checked by the independent verifier before '
+        'the design is announced; the next one replaces it. Empty: none.',
+    ),
+    ParameterSpec(
+        'report',
+        '',
+        'PNG file for the picture of each design; the next one replaces it. Empty: none.',
+    ),
     ParameterSpec('frame', 'base_link', 'Frame of everything published: the base of the arm.'),
 )
 
@@ -90,6 +102,18 @@ def read_settings(node: ManagedNode) -> DesignSettings:
         family=node.param('family'),
         max_length=node.param('max_length') or float('inf'),
     )
+
+
+def read_files(node: ManagedNode) -> dict[str, str]:
+    """Files to write, by parameter; raises `InputError` where one could not be written."""
+    files = {name: node.param(name) for name in ('certificate', 'report')}
+    for name, path in files.items():
+        folder = os.path.dirname(path) or '.'
+        if path and not os.access(folder, os.W_OK):
+            raise InputError(f'parameter {name}', f'no file can be written in {folder}')
+        if path and os.path.isdir(path):
+            raise InputError(f'parameter {name}', f'{path} is a folder; a file is needed')
+    return files
 
 
 def read_specification(node: ManagedNode, task: Task) -> DesignSpec:

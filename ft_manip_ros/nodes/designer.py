@@ -32,7 +32,12 @@ from ft_manip_ros.nodes.design_messages import (
     request_from_goal,
     result_to_message,
 )
-from ft_manip_ros.nodes.design_parameters import PARAMETERS, read_settings, read_specification
+from ft_manip_ros.nodes.design_parameters import (
+    PARAMETERS,
+    read_files,
+    read_settings,
+    read_specification,
+)
 from ft_manip_ros.nodes.managed_node import ManagedNode
 from ft_manip_ros.nodes.process import run
 
@@ -59,6 +64,7 @@ class Designer(ManagedNode):
         self._task = load_task(self.param('task'))
         self._settings = read_settings(self)
         self._spec = read_specification(self, self._task)
+        self._files = read_files(self)
         self._first = make_request(self._task, self._spec, self._settings)
         self._frame = self.param('frame')
         self._candidates = self.advertise(
@@ -108,7 +114,7 @@ class Designer(ManagedNode):
         with self._lock:
             self._request = request
             self._announced = False
-            self._job = DesignJob(request.task, request.spec, request.settings)
+            self._job = DesignJob(request.task, request.spec, request.settings, **self._files)
             job = self._job
         n, order = request.spec.dof, request.spec.order
         self.get_logger().info(

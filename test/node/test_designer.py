@@ -16,6 +16,7 @@ from visualization_msgs.msg import MarkerArray
 from ft_manip_interfaces.action import DesignArm
 from ft_manip_interfaces.msg import DesignCandidate, TaskRegion
 from ft_manip_interfaces.msg import Task as TaskMessage
+from ft_manip_ros.core.ftws.certificate import load_certificate, verify
 from ft_manip_ros.core.kinematics import fk
 from ft_manip_ros.core.task_file import load_task
 from ft_manip_ros.core.urdf import chain_from_urdf
@@ -223,3 +224,23 @@ def test_a_task_it_cannot_read_is_named(start_node):
     node = start_node('designer', params={'task': 'no_such_task'})
     node.wait_for('no_such_task')
     assert node.running
+
+
+def test_it_leaves_a_confirmed_certificate_and_a_report(start_node, probe, tmp_path):
+    final = probe.listen(DesignCandidate, topics.DESIGN_FINAL, topics.LATCHED_QOS)
+    proof, picture = tmp_path / 'proof.json', tmp_path / 'report.png'
+    start_node('designer', params={'certificate': str(proof), 'report': str(picture)})
+    probe.until(lambda: final, 120.0, 'the final design')
+    assert final[0].status == DesignCandidate.FINAL_PROVED, final[0].reason
+    assert 'the independent verifier confirms all 3 goals' in final[0].reason
+    document = load_certificate(proof)
+    goals = [goal['point'] for goal in document['goals']]
+    assert goals == [goal.position.tolist() for goal in TASK.goals]
+    assert [ok for ok, _ in verify(document)] == [True] * 3
+    assert picture.read_bytes().startswith(b'\x89PNG')
+    assert sorted(path.name for path in tmp_path.iterdir()) == ['proof.json', 'report.png']
+
+
+def test_a_certificate_that_could_not_be_written_is_named(start_node, tmp_path):
+    node = start_node('designer', params={'certificate': str(tmp_path / 'missing' / 'proof.json')})
+    node.wait_for('parameter certificate: no file can be written in')

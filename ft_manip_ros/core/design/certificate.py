@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import os
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -10,7 +11,7 @@ import numpy as np
 
 from ft_manip_ros.core.chain import Array, SerialChain
 from ft_manip_ros.core.design.proof import MOST_CELLS, proof_settings
-from ft_manip_ros.core.ftws.certificate import certify, verify
+from ft_manip_ros.core.ftws.certificate import certify, save_certificate, verify
 from ft_manip_ros.core.goal import Goal, Task
 from ft_manip_ros.core.region import Region, Sphere
 
@@ -77,6 +78,39 @@ def certify_design(
         if entries:
             documents.append({**document, 'goals': entries, 'regions': regions})
     return documents, outcomes
+
+
+def write_certificate(
+    path: str | os.PathLike[str],
+    chain: SerialChain,
+    task: Task,
+    order: int,
+    should_stop: Callable[[], bool] = never,
+) -> list[Outcome]:
+    """Write the documents of `certify_design`, each whole: the second to ``path.2``, and so on.
+
+    Returns
+    -------
+    list of (confirmed, text)
+        What the verifier says of each goal.
+
+    Raises
+    ------
+    InputError
+        Where a file cannot be written.
+    """
+    documents, outcomes = certify_design(chain, task, order, should_stop)
+    for i, document in enumerate(documents):
+        save_certificate(document, path if i == 0 else f'{os.fspath(path)}.{i + 1}')
+    return outcomes
+
+
+def opinion(outcomes: Sequence[Outcome]) -> str:
+    """What the verifier says of all goals, in one sentence for a person."""
+    rejected = [text for confirmed, text in outcomes if not confirmed]
+    if not rejected:
+        return f'the independent verifier confirms all {len(outcomes)} goals'
+    return f'the independent verifier does not confirm {len(rejected)} goals: {rejected[0]}'
 
 
 def _prove_and_verify(
