@@ -43,7 +43,7 @@ def wanted_nodes(context: LaunchContext) -> list[str]:
     chosen = [
         node
         for node, argument in OPTIONAL.items()
-        if LaunchConfiguration(argument).perform(context).lower() in ('true', '1', 'yes')
+        if LaunchConfiguration(argument).perform(context) == 'true'
     ]
     return [*ALWAYS, *chosen]
 
@@ -110,7 +110,13 @@ def life_cycle(node: LifecycleNode, name: str) -> list[object]:
 def generate_launch_description() -> LaunchDescription:
     """Return what `ros2 launch` runs."""
     arguments = [
-        DeclareLaunchArgument(name, default_value=default, description=description)
+        DeclareLaunchArgument(
+            name,
+            default_value=default,
+            description=description,
+            # Anything else would silently count as no.
+            choices=['true', 'false'] if name in OPTIONAL.values() else None,
+        )
         for name, (default, description) in ARGUMENTS.items()
     ]
     return LaunchDescription([*arguments, OpaqueFunction(function=bring_up)])

@@ -23,6 +23,8 @@ OUTCOMES = ('reachable', 'relaxed', 'lost', 'undecided')
 VERDICTS = ('member', 'non_member', 'undecided')
 _RESPONSE_SENT = 2
 _MICRO = 1e-9
+# A joint's reading or command (rad or m) that no picture can show.
+_ABSURD = 1e6
 
 
 @dataclass(frozen=True)
@@ -77,13 +79,16 @@ def collect(bag: Bag, arm: str = '') -> ReportData:
         raise InputError(f'bag {bag.path}', 'has no messages to report on')
     data = ReportData(bag, notes=list(bag.notes))
     samples: list[tuple[float, dict[str, float]]] = []
+    absurd: set[str] = set()
     for record, message in _decoded(bag, data):
         time = (record.log_time - bag.start) * _MICRO
         kind = record.type_name.rsplit('/', 1)[-1]
         if kind == 'JointState' and record.topic.endswith('joint_states'):
             stamp = nanoseconds(message.header.stamp) or record.log_time
             at = (stamp - bag.start) * _MICRO
-            samples.append((at, dict(zip(message.name, message.position.tolist(), strict=False))))
+            values = dict(zip(message.name, message.position.tolist(), strict=False))
+            absurd |= {name for name, value in values.items() if abs(value) > _ABSURD}
+            samples.append((at, {n: v for n, v in values.items() if not abs(v) > _ABSURD}))
         elif kind == 'JointTrajectory':
             _take_trajectory(data, message, record)
         elif kind == 'Task':
@@ -103,6 +108,9 @@ def collect(bag: Bag, arm: str = '') -> ReportData:
     for name in dict.fromkeys(name for _, values in samples for name in values):
         rows = [(at, values[name]) for at, values in samples if name in values]
         data.joints[name] = (np.array([r[0] for r in rows]), np.array([r[1] for r in rows]))
+    if absurd:
+        names = ', '.join(sorted(absurd))
+        data.notes.append(f'left out of the pictures: readings beyond {_ABSURD:g} of {names}')
     data.events.sort(key=lambda event: event.time)
     _follow_tool(data, samples, arm)
     return data
@@ -130,7 +138,8 @@ def _take_trajectory(data: ReportData, message: Any, record: BagMessage) -> None
     times = times + (start - data.bag.start) * _MICRO
     for k, name in enumerate(message.joint_names):
         values = [p.positions[k] if k < len(p.positions) else np.nan for p in message.points]
-        data.commands.setdefault(name, []).append((times, np.array(values)))
+        shown = np.where(np.abs(values) > _ABSURD, np.nan, values)
+        data.commands.setdefault(name, []).append((times, shown))
 
 
 def _take_fault(data: ReportData, message: Any) -> None:
@@ -142,7 +151,7 @@ def _take_fault(data: ReportData, message: Any) -> None:
     text = f'{message.name} {state}{where}: {message.cause}'
     bad = state in ('LOCKED', 'RUNAWAY', 'SENSOR', 'STALE')
     data.events.append(Event(time, 'fault_monitor', text, bad))
-    if state == 'LOCKED':
+    if state == 'LOCKED' and abs(message.frozen_position) <= _ABSURD:
         data.locks.append((time, message.name, float(message.frozen_position)))
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import matplotlib.image
 import pytest
 from sensor_msgs.msg import JointState
-from trajectory_msgs.msg import JointTrajectory
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from ft_manip_interfaces.msg import JointFault, Task, TaskGoal
 from ft_manip_ros.bags.definitions import message_definition
@@ -134,6 +134,27 @@ def test_unreadable_messages_are_noted(tmp_path: Path) -> None:
     data = collect(open_bag(tmp_path / 'bag'))
     assert any('3 messages are not readable' in note for note in data.notes)
     assert data.joints['a'][1].tolist() == [1.0]
+
+
+def test_readings_that_no_picture_can_show_are_left_out(tmp_path: Path) -> None:
+    messages = [
+        *(JointState(name=['a', 'b'], position=[x, 0.5]) for x in (1.0, 1e184, -1e20, 1.1)),
+        JointTrajectory(
+            joint_names=['a'], points=[JointTrajectoryPoint(positions=[x]) for x in (1.0, 1e300)]
+        ),
+        JointFault(name='a', state=JointFault.LOCKED, frozen_position=-1e200),
+    ]
+    topic_of = {JointState: '/joint_states', JointFault: '/fault_events'}
+    with BagWriter(tmp_path / 'bag') as writer:
+        for i, message in enumerate(messages):
+            topic = topic_of.get(type(message), '/joint_trajectory_controller/joint_trajectory')
+            definition = message_definition(type_name_of(message))
+            writer.write(writer.add_topic(topic, definition), cdr(message), 10**18 + i)
+    assert main(['report', str(tmp_path / 'bag'), '--output', str(tmp_path / 'out')]) == 0
+    assert 'readings beyond 1e+06 of a<' in (tmp_path / 'out' / 'report.html').read_text()
+    data = collect(open_bag(tmp_path / 'bag'))
+    assert data.joints['a'][1].tolist() == [1.0, 1.1]
+    assert data.joints['b'][1].tolist() == [0.5] * 4
 
 
 @pytest.mark.parametrize(

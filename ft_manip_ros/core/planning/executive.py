@@ -114,11 +114,16 @@ class Executive:
     ) -> tuple[list[Visited], Decision | None]:
         """Take in one measured state of the whole arm; joints of others may be in it.
 
+        A frozen joint stands where it is frozen, whatever is read of it, if anything.
+
         Raises
         ------
         InputError
-            For a joint of the arm that is missing, NaN, or where no joint can stand.
+            For another joint of the arm that is missing, NaN, or where no joint can stand.
         """
+        positions = {**positions, **self.frozen}
+        if velocities is not None:
+            velocities = {**velocities, **dict.fromkeys(self.frozen, 0.0)}
         if not self._states.add(stamp, positions, velocities):
             return [], None
         visited = self._watch(stamp, self._states.position)

@@ -29,6 +29,7 @@ class Story:
         self.arm = SimulatedArm(ARM, time=0.0)
         self.time = 0.0
         self.deaf = deaf
+        self.broken = {}
         self.visited = []
         self.decisions = []
         self.tick()
@@ -45,9 +46,10 @@ class Story:
         self.arm.advance(self.time)
         position, velocity = self.arm.measure()
         names = ARM.joint_names
+        state = {**dict(zip(names, position, strict=True)), **self.broken}
         visited, decision = self.executive.on_joint_state(
             self.stamp,
-            dict(zip(names, position, strict=True)),
+            {name: value for name, value in state.items() if value is not None},
             dict(zip(names, velocity, strict=True)),
         )
         self.visited += visited
@@ -97,6 +99,32 @@ def test_any_joint_may_lock_on_the_way(joint, when):
     story.run(k.duration + 0.5)
     assert sorted(goal.index for goal in story.visited) == [0, 1, 2]
     assert len(story.decisions) == 2
+
+
+@pytest.mark.parametrize('reading', [None, np.nan, 1e184, 0.3])
+def test_a_frozen_joint_needs_no_sensor(reading):
+    story = Story()
+    story.obey(story.executive.on_task(TASK))
+    story.run(0.5)
+    story.lock('joint_3')
+    story.broken = {'joint_3': reading}
+    # A second failure, so that the plan is made with the broken sensor.
+    story.lock('joint_5')
+    decision = story.decisions[-1]
+    assert set(decision.plan.frozen) == {'joint_3', 'joint_5'}
+    assert decision.plan.trajectory is not None
+    promised = [outcome.index for outcome in decision.plan.outcomes if outcome.has_posture]
+    assert promised
+    story.run(decision.plan.trajectory.duration + 0.5)
+    assert set(promised) <= {goal.index for goal in story.visited}
+    assert story.decisions[-1] is decision
+
+
+def test_the_sensor_of_a_healthy_joint_is_needed():
+    story = Story()
+    story.broken = {'joint_3': np.nan}
+    with pytest.raises(InputError, match='joint_3'):
+        story.tick()
 
 
 def test_second_and_third_failures_and_a_joint_that_comes_back():
