@@ -7,34 +7,22 @@ from numba import njit
 from numpy.typing import NDArray
 
 from ft_manip_ros.core.chain import Array, ChainArrays
-from ft_manip_ros.core.ftws.judge import MEMBER, NON_MEMBER, UNDECIDED, Effort, Work, cover
+from ft_manip_ros.core.ftws.effort import (
+    MEMBER,
+    NON_MEMBER,
+    UNDECIDED,
+    Effort,
+    make_work,
+    start_stream,
+)
+from ft_manip_ros.core.ftws.judge import cover, lose
 from ft_manip_ros.core.ftws.reach import farthest_miss
 from ft_manip_ros.core.ftws.task_map import TaskArrays
-from ft_manip_ros.core.ftws.taylor import make_scratch
 
 # Intervals kept per joint; more than this are merged into "not proved".
 INTERVALS = 64
-_GAPS = 256
-_BOXES = 1024
 # Coverings of one combination, with other random postures, before it is left undecided.
-_ATTEMPTS = 2
-
-
-@njit(cache=True, nogil=True)
-def make_work(n: int, m: int, k: int) -> Work:
-    """Allocate one thread's scratch for n joints, m equations and k failures."""
-    return Work(
-        make_scratch(n, m, k),
-        np.zeros((_GAPS, 2 * k)),
-        np.zeros((2, k)),
-        np.zeros(k),
-        np.zeros(n),
-        np.zeros(n),
-        np.zeros(n, dtype=np.bool_),
-        np.zeros(n),
-        np.zeros((2, _BOXES, n)),
-        np.zeros(1, dtype=np.uint64),
-    )
+_ATTEMPTS = 4
 
 
 @njit(cache=True, nogil=True)
@@ -98,15 +86,25 @@ def judge_goals(
             residuals[g] = miss
             for j in range(k):
                 witness[g, j] = table[row, 1 + j]
-            if not effort.intervals or k > 1:
-                continue
+        elif effort.radius == 0.0:
+            start_stream(work.state, effort.seed, _ATTEMPTS * combos.shape[0])
+            outcome, at, distance = lose(
+                chain, task, goals[g], combos, ranges, effort, witness[g], work
+            )
+            if outcome != MEMBER:
+                verdicts[g] = outcome
+                combo_of[g] = at
+                residuals[g] = distance
+        if verdicts[g] == UNDECIDED or (
+            verdicts[g] == NON_MEMBER and (not effort.intervals or k > 1)
+        ):
+            continue
         for c in range(combos.shape[0]):
             lost = verdicts[g] == NON_MEMBER
             outcome = UNDECIDED
             for attempt in range(_ATTEMPTS if effort.radius == 0.0 and not lost else 1):
                 # The stream depends on the question alone, not on what was asked before.
-                stream = c + attempt * combos.shape[0]
-                work.state[0] = np.uint64(effort.seed) * np.uint64(1000003) + np.uint64(stream)
+                start_stream(work.state, effort.seed, c + attempt * combos.shape[0])
                 worst[0] = 0.0
                 outcome = cover(
                     chain, task, goals[g], combos[c], c, ranges, effort, lost, arms[combos[c, 0]],

@@ -3,11 +3,12 @@
 At a posture x0 with the frozen joints at the box's centre, let J be the free joints' Jacobian,
 A a right inverse of it, and take the family of postures::
 
-    x(delta, y) = x0 + D_0 delta_0 + D_1 delta_0^2 + sum_j D_j delta_j + A y,    |y| <= rho
+    x(delta, y) = x0 + D_0 delta_0 + D_1 delta_0^2 + D_2 delta_0^3 + sum_j D_j delta_j + A y
 
-with ``D_j`` the tangents that hold the residual to first order and ``D_1`` the one that cancels
-the second-order term of ``delta_0``. By Taylor's theorem ``F(x(delta, y)) = y + E`` with E bounded
-by the start residual, the exact second derivative at x0 and a bound of the third over the box.
+with ``|y| <= rho``, tangents that hold the residual to first order, and ``D_1`` and ``D_2`` that
+cancel the second- and third-order terms of ``delta_0``. By Taylor's theorem
+``F(x(delta, y)) = y + E`` with E bounded by the start residual, the exact second derivative at
+x0, bounds of the third one's other terms, and a bound of the fourth one over the box.
 If ``|E| <= rho`` for all of the box, ``y -> y - F`` maps the ball into itself, so by Brouwer's
 theorem some y makes F exactly zero: a posture that reaches the goal, for every frozen angle of
 the box. If moreover no joint can meet a limit within the box, that posture is admissible.
@@ -22,24 +23,24 @@ from numba import njit
 from numpy.typing import NDArray
 
 from ft_manip_ros.core.chain import Array, ChainArrays
-from ft_manip_ros.core.ftws.local_model import third_order_bound
+from ft_manip_ros.core.ftws.remainder import beyond_line
 from ft_manip_ros.core.ftws.task_map import TaskArrays
-from ft_manip_ros.core.ftws.taylor import Scratch
+from ft_manip_ros.core.ftws.taylor import CURVE, Scratch
 
 # Every bound is inflated by these for rounding: see docs/ftws.md.
 RELATIVE_ROUNDING = 1e-9
 ABSOLUTE_ROUNDING = 1e-12
+# Growth and shrinking of a half-width between attempts.
+_GROWTH = 1.15
+_SHRINKING = 0.9
 
 
 @njit(cache=True, nogil=True)
 def inside_limits(chain: ChainArrays, q: Array, is_free: NDArray[np.bool_], box: Array) -> bool:
     """Whether no free joint can meet a limit within ``box`` (n,) around ``q``."""
+    wraps, lower, upper = chain.wraps, chain.lower, chain.upper
     for i in range(q.shape[0]):
-        if (
-            is_free[i]
-            and not chain.wraps[i]
-            and (q[i] - box[i] < chain.lower[i] or q[i] + box[i] > chain.upper[i])
-        ):
+        if is_free[i] and not wraps[i] and (q[i] - box[i] < lower[i] or q[i] + box[i] > upper[i]):
             return False
     return True
 
@@ -52,26 +53,30 @@ def error_bound(
 
     Leaves the largest change of each joint in ``s.box``.
     """
-    k = halves.shape[0]
-    n = s.box.shape[0]
+    d, pairs, mixed, defects = s.directions, s.pairs, s.mixed, s.defects
+    line, box, reach, powers = s.line, s.box, s.reach, s.powers
+    rows = powers.shape[0]
     h = halves[0]
-    for i in range(n):
-        value = abs(s.directions[0, i]) * h + abs(s.directions[1, i]) * h * h
-        for j in range(1, k):
-            value += abs(s.directions[j + 1, i]) * halves[j]
-        s.box[i] = value + s.reach[i] * rho
+    powers[0], powers[1], powers[2] = h, h * h, h * h * h
+    for row in range(CURVE, rows):
+        powers[row] = halves[row - CURVE + 1]
+    for i in range(box.shape[0]):
+        line[i] = abs(d[0, i]) * h
+        value = line[i] + reach[i] * rho
+        for row in range(1, rows):
+            value += abs(d[row, i]) * powers[row]
+        box[i] = value
     second = s.constants[0] * rho * rho
     first = s.constants[1] * rho
-    for a in range(k + 1):
-        sa = h if a == 0 else (h * h if a == 1 else halves[a - 1])
-        first += s.defects[a] * sa
-        second += 2.0 * rho * s.mixed[a] * sa
-        for b in range(k + 1):
-            sb = h if b == 0 else (h * h if b == 1 else halves[b - 1])
-            second += s.pairs[a, b] * sa * sb
+    for a in range(rows):
+        first += defects[a] * powers[a]
+        value = 2.0 * rho * mixed[a]
+        for b in range(rows):
+            value += pairs[a, b] * powers[b]
+        second += value * powers[a]
     length = task.length if task.orientation_rows.shape[0] > 0 else 0.0
-    third = third_order_bound(chain, s.model.distance, length, s.box)
-    return (first + 0.5 * second + third / 6.0) * (1.0 + RELATIVE_ROUNDING)
+    rest = beyond_line(chain, s.model.distance, length, line, box)
+    return (first + 0.5 * second + rest) * (1.0 + RELATIVE_ROUNDING)
 
 
 @njit(cache=True, nogil=True)
@@ -130,18 +135,20 @@ def widest(
     h = max(guess, smallest)
     halves[0] = h
     if holds(chain, task, q, is_free, halves, start, s) >= 0.0:
-        for _ in range(12):
-            halves[0] = h * 1.2
+        for _ in range(16):
+            halves[0] = h * _GROWTH
             if holds(chain, task, q, is_free, halves, start, s) < 0.0:
                 break
             h = halves[0]
         halves[0] = h
         return h
+    factor = _SHRINKING
     while h > smallest:
-        h = max(h * 0.75, smallest)
+        h = max(h * factor, smallest)
         halves[0] = h
         if holds(chain, task, q, is_free, halves, start, s) >= 0.0:
             return h
+        factor = max(factor * _SHRINKING, 0.4)
     halves[0] = 0.0
     return 0.0
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -14,8 +16,13 @@ from ft_manip_ros.core.ftws.taylor import Scratch, build, self_motion
 
 # Start residuals below this share of the length scale cost the certificate nothing.
 _START_RESIDUAL = 1e-6
+# The same, times the half-width to prove to the third power: what its bound is about.
+_START_SHARE = 0.02
 _NEWTON_STEPS = 4
-_OVERLAP = 0.9
+# How far apart pieces are put, in half-widths of the last one.
+_OVERLAP = 0.95
+# Smallest expected ratio of one piece's width to the one before.
+_SLOWEST = 0.6
 # First half-width to try at a singular posture (rad or m).
 _SINGULAR_WIDTH = 0.02
 
@@ -43,15 +50,23 @@ def certify_at(
         Ball of goals (m) to certify for; with 0, postures that only come within ``tolerance``
         count as well.
     """
-    norm = correct(
-        chain, task, goal, q, is_free, s.model, s.weights, s.gram, s.inverse,
-        min(_START_RESIDUAL * task.length, 0.1 * tolerance), _NEWTON_STEPS,
-    )  # fmt: skip
-    if not norm < 0.1 * task.length:
-        return 0.0
-    build(chain, task, combo, s)
-    start = norm + radius + ABSOLUTE_ROUNDING * (1.0 + task.length)
-    h = widest(chain, task, q, is_free, halves, start, guess, smallest, s)
+    tight = min(_START_RESIDUAL * task.length, 0.1 * tolerance)
+    wanted = max(tight, min(_START_SHARE * guess**3, 1e-4) * task.length)
+    h = start = 0.0
+    for _ in range(2):
+        norm = correct(
+            chain, task, goal, q, is_free, s.model, s.weights, s.gram, s.inverse, wanted,
+            _NEWTON_STEPS,
+        )  # fmt: skip
+        if not norm < 0.1 * task.length:
+            return 0.0
+        build(chain, task, combo, s)
+        start = norm + radius + ABSOLUTE_ROUNDING * (1.0 + task.length)
+        h = widest(chain, task, q, is_free, halves, start, guess, smallest, s)
+        # Much smaller than expected: the start residual may be what is in the way.
+        if norm <= tight or h > 0.5 * guess:
+            break
+        wanted = tight
     if h == 0.0 and radius == 0.0 and start < tolerance:
         h = within_tolerance(
             chain, task, q, is_free, halves, start, _SINGULAR_WIDTH, smallest, tolerance, s
@@ -61,11 +76,12 @@ def certify_at(
 
 @njit(cache=True, nogil=True)
 def _keep(chain: ChainArrays, q: Array, is_free: NDArray[np.bool_], h: float, s: Scratch) -> None:
-    self_motion(chain, q, is_free, 2.0 * h, s, s.kept[3])
+    self_motion(chain, q, is_free, 2.0 * h, s, s.kept[4])
     for i in range(q.shape[0]):
         s.kept[0, i] = q[i]
         s.kept[1, i] = s.directions[0, i]
         s.kept[2, i] = s.directions[1, i]
+        s.kept[3, i] = s.directions[2, i]
 
 
 @njit(cache=True, nogil=True)
@@ -125,48 +141,47 @@ def sweep(
     """
     first = combo[0]
     n = q.shape[0]
+    kept, trial = s.kept, s.trial
     sign = 1.0 if end >= q[first] else -1.0
     frontier = q[first] + sign * width
     h = width
+    trend = 1.0
     _keep(chain, q, is_free, width, s)
     while sign * (end - frontier) > 0.0:
-        ahead = min(_OVERLAP * h, sign * (end - frontier))
+        # Share what is left evenly among the pieces that it takes.
+        rest = sign * (end - frontier)
+        reach = _OVERLAP * h * trend
+        ahead = min(reach, rest / (2.0 * math.ceil(rest / (2.0 * reach))) * (1.0 + 1e-6))
+        before = h
         accepted = False
-        for _ in range(8):
+        for _ in range(6):
             target = frontier + sign * ahead
-            delta = target - s.kept[0, first]
+            delta = target - kept[0, first]
             for i in range(n):
-                s.trial[i] = s.kept[0, i]
+                trial[i] = kept[0, i]
                 if is_free[i]:
-                    s.trial[i] += delta * (s.kept[1, i] + delta * s.kept[2, i]) + s.kept[3, i]
-            s.trial[first] = target
+                    trial[i] += kept[4, i] + delta * (
+                        kept[1, i] + delta * (kept[2, i] + delta * kept[3, i])
+                    )
+            trial[first] = target
             h = certify_at(
-                chain,
-                task,
-                goal,
-                s.trial,
-                is_free,
-                combo,
-                halves,
-                radius,
-                tolerance,
-                h,
-                smallest,
-                s,
-            )
+                chain, task, goal, trial, is_free, combo, halves, radius, tolerance,
+                max(h, ahead), smallest, s,
+            )  # fmt: skip
             count[1] += 1
             # The overlap that the pieces' ends need against rounding of the angle itself.
             if h >= ahead * (1.0 + 1e-9) + 1e-12:
                 accepted = True
                 break
-            ahead = max(0.4 * ahead, 0.8 * h) if h > 0.0 and 0.8 * h < ahead else 0.4 * ahead
+            ahead = min(max(0.9 * h, 0.3 * ahead), 0.7 * ahead)
             if ahead < smallest:
                 break
         if not accepted:
             return frontier
-        _keep(chain, s.trial, is_free, h, s)
-        frontier = s.kept[0, first] + sign * h
+        trend = min(max(h / before, _SLOWEST), 1.0)
+        _keep(chain, trial, is_free, h, s)
+        frontier = kept[0, first] + sign * h
         halves[0] = h
         if pieces.shape[0] > 0:
-            record(pieces, count, combo_index, s.trial, combo, halves)
+            record(pieces, count, combo_index, trial, combo, halves)
     return frontier

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ft_manip_ros.core.chain import Array
+from ft_manip_ros.core.ftws.effort import MEMBER, NON_MEMBER, UNDECIDED, Effort
 from ft_manip_ros.core.ftws.engine import run_engine
-from ft_manip_ros.core.ftws.judge import MEMBER, NON_MEMBER, UNDECIDED, Effort
 from ft_manip_ros.core.ftws.problem import Problem
 from ft_manip_ros.core.goal import quaternion_from_rotation
 from ft_manip_ros.core.kinematics import fk

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ft_manip_ros.core.chain import Array
 from ft_manip_ros.core.ftws.batch import INTERVALS, judge_goals
-from ft_manip_ros.core.ftws.judge import Effort
+from ft_manip_ros.core.ftws.effort import Effort
 from ft_manip_ros.core.ftws.problem import Problem
 
 _NO_PIECES = np.zeros((0, 0))

@@ -2,107 +2,71 @@
 
 from __future__ import annotations
 
-import math
-from typing import NamedTuple
-
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 from ft_manip_ros.core.chain import Array, ChainArrays
 from ft_manip_ros.core.ftws.cover import certify_at, record, sweep
-from ft_manip_ros.core.ftws.posture import descend, uniform
+from ft_manip_ros.core.ftws.effort import MEMBER, NON_MEMBER, UNDECIDED, Effort, Work, freeze
 from ft_manip_ros.core.ftws.refute import refute
+from ft_manip_ros.core.ftws.search import find_lost, find_posture
 from ft_manip_ros.core.ftws.task_map import TaskArrays
-from ft_manip_ros.core.ftws.taylor import Scratch
-
-MEMBER, UNDECIDED, NON_MEMBER = 1, 0, -1
 
 # Failed refutations of one combination before it is left undecided.
 _REFUTATIONS = 3
-# A first posture that is certified this far to each side (rad or m) needs no second.
-_WIDE = 0.05
-
-
-class Effort(NamedTuple):
-    """How hard to try, and what to report."""
-
-    tolerance: float  # m, of the residual
-    radius: float  # m, ball of goals to judge as one
-    restarts: int  # random starts of the posture search
-    smallest_step: float  # rad or m, give a branch up below this half-width
-    smallest_gap: float  # rad or m, give an uncovered interval up below this width
-    slab: float  # rad or m, first half-width of the other frozen joints' boxes (order > 1)
-    boxes: int  # branch-and-bound boxes per refutation
-    pieces: int  # certificate attempts per combination
-    intervals: bool  # go on after a refutation, for the tolerated intervals
-    seed: int
-
-
-class Work(NamedTuple):
-    """Scratch of one thread."""
-
-    scratch: Scratch
-    gaps: Array  # (G, 2 k), boxes of frozen positions still to cover: lower ends, upper ends
-    box: Array  # (2, k), the one in hand
-    halves: Array  # (k,)
-    q: Array  # (n,)
-    chosen: Array  # (n,)
-    is_free: NDArray[np.bool_]  # (n,)
-    frozen_half: Array  # (n,)
-    boxes: Array  # (2, S, n)
-    state: NDArray[np.uint64]  # (1,)
+# Half-width of the first certificate tried (rad or m).
+_GUESS = 0.1
+# A sweep ends where pieces get smaller than this share of the interval in hand: another
+# posture, of the self-motion's other side, often goes on with large ones.
+_SMALL_PIECE = 0.004
 
 
 @njit(cache=True, nogil=True)
-def _find(
+def lose(
     chain: ChainArrays,
     task: TaskArrays,
     goal: Array,
-    combo: NDArray[np.int64],
+    combos: NDArray[np.int64],
+    ranges: Array,
     effort: Effort,
-    count: NDArray[np.int64],
+    witness: Array,
     w: Work,
-) -> tuple[float, float]:
-    """Search postures at the frozen positions in ``w.q``: best half-width, best residual.
+) -> tuple[int, int, float]:
+    """Try to refute the goal at the worst of a few frozen positions, before any covering.
 
-    ``w.chosen`` is left at the posture with the widest certificate, or the smallest residual.
+    Parameters
+    ----------
+    witness : shape (k,), out
+        Frozen positions of the refutation, or of the worst residual.
+
+    Returns
+    -------
+    outcome : int
+        NON_MEMBER when refuted; MEMBER when nothing was found, which says nothing.
+    combination : int
+    distance : float
+        Proved distance (m), or the worst residual.
     """
-    n = w.q.shape[0]
     s = w.scratch
-    widest = 0.0
-    best = math.inf
-    certified = 0
-    guess = 0.1
-    for _ in range(effort.restarts):
-        for i in range(n):
-            if w.is_free[i]:
-                w.q[i] = chain.lower[i] + uniform(w.state) * (chain.upper[i] - chain.lower[i])
-        residual = descend(
-            chain, task, goal, w.q, w.is_free, s.model, s.weights, s.gram, s.trial,
-            0.1 * effort.tolerance,
+    at, residual = find_lost(chain, task, goal, combos, ranges, effort, w)
+    if at < 0:
+        return MEMBER, at, 0.0
+    freeze(combos[at], w.is_free)
+    for j in range(combos.shape[1]):
+        witness[j] = w.chosen[combos[at, j]]
+    enough = effort.tolerance + effort.radius
+    if residual > enough:
+        outcome, distance, _ = refute(
+            chain, task, goal, w.chosen, w.is_free, w.frozen_half, enough, residual,
+            effort.tolerance, effort.boxes, w.boxes, s,
         )  # fmt: skip
-        count[1] += 4
-        if residual < best and widest == 0.0:
-            best = residual
-            for i in range(n):
-                w.chosen[i] = w.q[i]
-        if residual <= effort.tolerance:
-            h = certify_at(
-                chain, task, goal, w.q, w.is_free, combo, w.halves, effort.radius,
-                effort.tolerance, guess, effort.smallest_step, s,
-            )  # fmt: skip
-            count[1] += 1
-            if h > widest:
-                widest = h
-                guess = h
-                for i in range(n):
-                    w.chosen[i] = w.q[i]
-            if h > 0.0:
-                certified += 1
-                if certified >= 2 or h > _WIDE:
-                    break
-    return widest, best
+        if outcome == 1:
+            return NON_MEMBER, at, distance
+        if outcome == -1:
+            return MEMBER, -1, 0.0
+        residual = distance
+    return MEMBER, at, residual
 
 
 @njit(cache=True, nogil=True)
@@ -177,10 +141,8 @@ def cover(
     n = w.q.shape[0]
     s = w.scratch
     gaps, lo, hi = w.gaps, w.box[0], w.box[1]
-    for i in range(n):
-        w.is_free[i] = True
+    freeze(combo, w.is_free)
     for j in range(k):
-        w.is_free[combo[j]] = False
         gaps[0, j] = ranges[0, combo[j]]
         gaps[0, k + j] = ranges[1, combo[j]]
     top = 1
@@ -204,7 +166,10 @@ def cover(
             top = _halve(gaps, top, lo, hi, other)
             continue
         middle = w.q[combo[0]]
-        h, best = _find(chain, task, goal, combo, effort, count, w)
+        floor = max(effort.smallest_step, _SMALL_PIECE * (hi[0] - lo[0]))
+        h, best = find_posture(
+            chain, task, goal, combo, effort, min(_GUESS, hi[0] - lo[0]), count, w
+        )
         if h == 0.0 and best > enough:
             outcome, distance = 1, 0.9 * best
             if not known_lost:
@@ -235,7 +200,7 @@ def cover(
             if outcome == -1:
                 h = certify_at(
                     chain, task, goal, w.chosen, w.is_free, combo, w.halves, effort.radius,
-                    effort.tolerance, 0.1, effort.smallest_step, s,
+                    effort.tolerance, _GUESS, effort.smallest_step, s,
                 )  # fmt: skip
             else:
                 failures += 1
@@ -271,7 +236,7 @@ def cover(
                 record(pieces, count, combo_index, w.q, combo, w.halves)
             frontier = sweep(
                 chain, task, goal, w.q, w.is_free, combo, combo_index, w.halves, effort.radius,
-                effort.tolerance, h, hi[0] if side == 0 else lo[0], effort.smallest_step,
+                effort.tolerance, h, hi[0] if side == 0 else lo[0], floor,
                 pieces, count, s,
             )  # fmt: skip
             if side == 0:

@@ -1,10 +1,8 @@
-"""Compiled local model of the task map: residual, Jacobian, exact Hessian, remainder bounds.
+"""Compiled local model of the task map: residual, Jacobian and exact Hessian.
 
 For a serial chain every derivative of the tool position is a nest of cross products: with
 ``i <= k``, ``d2p / dq_i dq_k = z_i x (dp / dq_k)`` where joint i is revolute and zero where it is
-prismatic. So a derivative's norm is at most the tool's distance to the axis of the last joint
-that takes part, and the sum over all joint tuples of one order collapses to differences of
-powers of partial sums.
+prismatic.
 """
 
 from __future__ import annotations
@@ -17,7 +15,7 @@ from numba import njit
 
 from ft_manip_ros.core.chain import Array, ChainArrays
 from ft_manip_ros.core.ftws.task_map import TaskArrays
-from ft_manip_ros.core.kernels import frames
+from ft_manip_ros.core.kernels import sweep, turn_tool
 
 
 class LocalModel(NamedTuple):
@@ -98,87 +96,110 @@ def evaluate(
         Position (m) and quaternion (w, x, y, z); the latter is not read without orientation rows.
     q : shape (n,)
     """
+    # Fields are read once: each look-up of a tuple's field in a loop costs two atomic counts.
     n = q.shape[0]
-    frames(chain, q, model.axes, model.origins, model.tip_rotation, model.tip)
-    tip, axes, origins, linear = model.tip, model.axes, model.origins, model.linear
+    axes, origins, linear = model.axes, model.origins, model.linear
+    distance, residual, jacobian, tip = model.distance, model.residual, model.jacobian, model.tip
+    prismatic, position_rows = chain.prismatic, task.position_rows
+    place, turned = sweep(
+        chain.rotations, chain.translations, chain.screws, prismatic, q, axes, origins
+    )
+    px, py, pz = place
+    tip[0], tip[1], tip[2] = px, py, pz
+    mp = position_rows.shape[0]
+    spatial = mp == 3  # then the rows are the world's own
     for i in range(n):
         ax, ay, az = axes[i, 0], axes[i, 1], axes[i, 2]
-        if chain.prismatic[i]:
-            linear[i, 0], linear[i, 1], linear[i, 2] = ax, ay, az
+        if prismatic[i]:
+            x, y, z = ax, ay, az
         else:
-            dx = tip[0] - origins[i, 0]
-            dy = tip[1] - origins[i, 1]
-            dz = tip[2] - origins[i, 2]
+            dx = px - origins[i, 0]
+            dy = py - origins[i, 1]
+            dz = pz - origins[i, 2]
             x = ay * dz - az * dy
             y = az * dx - ax * dz
             z = ax * dy - ay * dx
-            linear[i, 0], linear[i, 1], linear[i, 2] = x, y, z
-            model.distance[i] = math.sqrt(x * x + y * y + z * z)
+            distance[i] = math.sqrt(x * x + y * y + z * z)
+        linear[i, 0], linear[i, 1], linear[i, 2] = x, y, z
+        if spatial:
+            jacobian[0, i], jacobian[1, i], jacobian[2, i] = x, y, z
     total = 0.0
-    dx, dy, dz = tip[0] - goal[0], tip[1] - goal[1], tip[2] - goal[2]
-    mp = task.position_rows.shape[0]
-    for row in range(mp):
-        a = task.position_rows[row, 0]
-        b = task.position_rows[row, 1]
-        c = task.position_rows[row, 2]
-        value = a * dx + b * dy + c * dz
-        model.residual[row] = value
-        total += value * value
-        for i in range(n):
-            model.jacobian[row, i] = a * linear[i, 0] + b * linear[i, 1] + c * linear[i, 2]
-    mo = task.orientation_rows.shape[0]
-    if mo > 0:
-        _error_quaternion(model.tip_rotation, goal, model.error)
-        w, ex, ey, ez = model.error[0], model.error[1], model.error[2], model.error[3]
-        for row in range(mo):
-            a = task.length * task.orientation_rows[row, 0]
-            b = task.length * task.orientation_rows[row, 1]
-            c = task.length * task.orientation_rows[row, 2]
-            value = 2.0 * (a * ex + b * ey + c * ez)
-            model.residual[mp + row] = value
+    dx, dy, dz = px - goal[0], py - goal[1], pz - goal[2]
+    if spatial:
+        residual[0], residual[1], residual[2] = dx, dy, dz
+        total = dx * dx + dy * dy + dz * dz
+    else:
+        for row in range(mp):
+            a, b, c = position_rows[row, 0], position_rows[row, 1], position_rows[row, 2]
+            value = a * dx + b * dy + c * dz
+            residual[row] = value
             total += value * value
             for i in range(n):
-                if chain.prismatic[i]:
-                    model.jacobian[mp + row, i] = 0.0
+                jacobian[row, i] = a * linear[i, 0] + b * linear[i, 1] + c * linear[i, 2]
+    orientation_rows = task.orientation_rows
+    mo = orientation_rows.shape[0]
+    if mo > 0:
+        error = model.error
+        turn_tool(chain.rotations, turned, model.tip_rotation)
+        _error_quaternion(model.tip_rotation, goal, error)
+        w, ex, ey, ez = error[0], error[1], error[2], error[3]
+        for row in range(mo):
+            a = task.length * orientation_rows[row, 0]
+            b = task.length * orientation_rows[row, 1]
+            c = task.length * orientation_rows[row, 2]
+            value = 2.0 * (a * ex + b * ey + c * ez)
+            residual[mp + row] = value
+            total += value * value
+            for i in range(n):
+                if prismatic[i]:
+                    jacobian[mp + row, i] = 0.0
                 else:
                     ax, ay, az = axes[i, 0], axes[i, 1], axes[i, 2]
                     gx = w * ax + ay * ez - az * ey
                     gy = w * ay + az * ex - ax * ez
                     gz = w * az + ax * ey - ay * ex
-                    model.jacobian[mp + row, i] = a * gx + b * gy + c * gz
+                    jacobian[mp + row, i] = a * gx + b * gy + c * gz
     return math.sqrt(total)
 
 
 @njit(cache=True, nogil=True)
 def hessian(chain: ChainArrays, task: TaskArrays, model: LocalModel, out: Array) -> None:
     """Second derivatives of the residual at the evaluated posture, out (m, n, n)."""
-    n = model.axes.shape[0]
-    mp = task.position_rows.shape[0]
-    mo = task.orientation_rows.shape[0]
+    axes, linear, prismatic = model.axes, model.linear, chain.prismatic
+    position_rows, orientation_rows = task.position_rows, task.orientation_rows
+    n = axes.shape[0]
+    mp = position_rows.shape[0]
+    mo = orientation_rows.shape[0]
+    spatial = mp == 3
     w, ex, ey, ez = model.error[0], model.error[1], model.error[2], model.error[3]
     for k in range(n):
-        lx, ly, lz = model.linear[k, 0], model.linear[k, 1], model.linear[k, 2]
-        kx, ky, kz = model.axes[k, 0], model.axes[k, 1], model.axes[k, 2]
+        lx, ly, lz = linear[k, 0], linear[k, 1], linear[k, 2]
+        kx, ky, kz = axes[k, 0], axes[k, 1], axes[k, 2]
         for i in range(k + 1):
-            if chain.prismatic[i]:
+            if prismatic[i]:
                 for row in range(mp + mo):
                     out[row, i, k] = out[row, k, i] = 0.0
                 continue
-            ax, ay, az = model.axes[i, 0], model.axes[i, 1], model.axes[i, 2]
+            ax, ay, az = axes[i, 0], axes[i, 1], axes[i, 2]
             px = ay * lz - az * ly
             py = az * lx - ax * lz
             pz = ax * ly - ay * lx
-            for row in range(mp):
-                value = (
-                    task.position_rows[row, 0] * px
-                    + task.position_rows[row, 1] * py
-                    + task.position_rows[row, 2] * pz
-                )
-                out[row, i, k] = out[row, k, i] = value
+            if spatial:
+                out[0, i, k] = out[0, k, i] = px
+                out[1, i, k] = out[1, k, i] = py
+                out[2, i, k] = out[2, k, i] = pz
+            else:
+                for row in range(mp):
+                    value = (
+                        position_rows[row, 0] * px
+                        + position_rows[row, 1] * py
+                        + position_rows[row, 2] * pz
+                    )
+                    out[row, i, k] = out[row, k, i] = value
             if mo == 0:
                 continue
             hx = hy = hz = 0.0
-            if not chain.prismatic[k]:
+            if not prismatic[k]:
                 # 2 vec(d2 q) = 1/2 vec(z_i z_k q), with q the error's quaternion
                 dot = ax * kx + ay * ky + az * kz
                 cx = ay * kz - az * ky
@@ -190,50 +211,8 @@ def hessian(chain: ChainArrays, task: TaskArrays, model: LocalModel, out: Array)
                 hz = half * (w * cz + cx * ey - cy * ex - dot * ez)
             for row in range(mo):
                 value = (
-                    task.orientation_rows[row, 0] * hx
-                    + task.orientation_rows[row, 1] * hy
-                    + task.orientation_rows[row, 2] * hz
+                    orientation_rows[row, 0] * hx
+                    + orientation_rows[row, 1] * hy
+                    + orientation_rows[row, 2] * hz
                 )
                 out[mp + row, i, k] = out[mp + row, k, i] = value
-
-
-@njit(cache=True, nogil=True)
-def third_order_bound(chain: ChainArrays, distance: Array, length: float, v: Array) -> float:
-    """Bound of the third derivative along any direction within ``|dq_i| <= v_i``, over that box.
-
-    Parameters
-    ----------
-    distance : shape (n,)
-        Tool to axis at the box's centre (m); what the later joints can add is accounted for.
-    length : float
-        Metres per radian of the orientation rows, 0 without them.
-    v : shape (n,)
-        Half-widths of the box, >= 0.
-
-    Returns
-    -------
-    float
-        Bound of ``|D3 F[d, d, d]|`` for all d in the box, at every point of the box.
-    """
-    n = v.shape[0]
-    total = 0.0
-    for k in range(n):
-        if not chain.prismatic[k]:
-            total += v[k]
-    after = total
-    moved = 0.0
-    bound = 0.0
-    for k in range(n - 1, -1, -1):
-        if chain.prismatic[k]:
-            bound += 3.0 * v[k] * after * after
-            moved += v[k]
-        else:
-            before = after - v[k]
-            reach = distance[k] + moved
-            bound += reach * v[k] * (after * after + after * before + before * before)
-            moved += v[k] * reach
-            after = before
-    if length > 0.0:
-        turning = 0.25 * length * total * total * total
-        bound = math.sqrt(bound * bound + turning * turning)
-    return bound

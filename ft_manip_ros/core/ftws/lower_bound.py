@@ -18,7 +18,8 @@ from numba import njit
 
 from ft_manip_ros.core.chain import Array, ChainArrays
 from ft_manip_ros.core.ftws.certify import ABSOLUTE_ROUNDING
-from ft_manip_ros.core.ftws.local_model import LocalModel, evaluate, third_order_bound
+from ft_manip_ros.core.ftws.local_model import LocalModel, evaluate
+from ft_manip_ros.core.ftws.remainder import third_order_bound
 from ft_manip_ros.core.ftws.spin import circle_correction, crude_bound, turn_goal, unroll
 from ft_manip_ros.core.ftws.task_map import TaskArrays
 
@@ -37,10 +38,11 @@ def _along(
     ``u`` (6,): direction in the world's position coordinates, then in the orientation's,
     scaled by the task's length.
     """
+    linear, axes, error, prismatic = model.linear, model.axes, model.error, chain.prismatic
     n = half.shape[0]
     mo = task.orientation_rows.shape[0]
     ux, uy, uz = u[0], u[1], u[2]
-    w, ex, ey, ez = model.error[0], model.error[1], model.error[2], model.error[3]
+    w, ex, ey, ez = error[0], error[1], error[2], error[3]
     vx, vy, vz = u[3], u[4], u[5]
     along = 0.5 * (ex * vx + ey * vy + ez * vz)
     sx = 0.5 * (w * vx + ey * vz - ez * vy)
@@ -53,20 +55,20 @@ def _along(
         hk = half[k]
         if hk == 0.0:
             continue
-        lx, ly, lz = model.linear[k, 0], model.linear[k, 1], model.linear[k, 2]
-        kx, ky, kz = model.axes[k, 0], model.axes[k, 1], model.axes[k, 2]
+        lx, ly, lz = linear[k, 0], linear[k, 1], linear[k, 2]
+        kx, ky, kz = axes[k, 0], axes[k, 1], axes[k, 2]
         gradient = ux * lx + uy * ly + uz * lz
-        if mo > 0 and not chain.prismatic[k]:
+        if mo > 0 and not prismatic[k]:
             gradient += 2.0 * (sx * kx + sy * ky + sz * kz)
         gradient = abs(gradient)
         for i in range(k + 1):
-            if half[i] == 0.0 or chain.prismatic[i]:
+            if half[i] == 0.0 or prismatic[i]:
                 continue
-            ax, ay, az = model.axes[i, 0], model.axes[i, 1], model.axes[i, 2]
+            ax, ay, az = axes[i, 0], axes[i, 1], axes[i, 2]
             curvature = (
                 (uy * az - uz * ay) * lx + (uz * ax - ux * az) * ly + (ux * ay - uy * ax) * lz
             )
-            if mo > 0 and not chain.prismatic[k]:
+            if mo > 0 and not prismatic[k]:
                 curvature += (
                     (ay * kz - az * ky) * sx + (az * kx - ax * kz) * sy + (ax * ky - ay * kx) * sz
                 ) - (ax * kx + ay * ky + az * kz) * along
@@ -81,7 +83,7 @@ def _along(
                     cost = gradient * hk - 0.5 * curvature * hk * hk
                 share[k] += cost
             cost_total += cost
-        if chain.prismatic[k]:
+        if prismatic[k]:
             share[k] += gradient * hk
             cost_total += gradient * hk
     return cost_total
@@ -115,8 +117,10 @@ def lower_bound(
         What each joint costs the bound: the largest is the one to split.
     """
     n = centre.shape[0]
-    mp = task.position_rows.shape[0]
-    mo = task.orientation_rows.shape[0]
+    position_rows, orientation_rows = task.position_rows, task.orientation_rows
+    tip, distance, residual, prismatic = model.tip, model.distance, model.residual, chain.prismatic
+    mp = position_rows.shape[0]
+    mo = orientation_rows.shape[0]
     norm = evaluate(chain, task, goal, centre, model)
     turned, u = spare[0], spare[1]
     radius = 0.0
@@ -126,7 +130,7 @@ def lower_bound(
         radius = turn_goal(goal, spin, model, turned)
         if radius == 0.0:
             for i in range(n):
-                share[i] = half[i] * model.distance[i]
+                share[i] = half[i] * distance[i]
             return 0.0, norm
     # Residual in world coordinates: rows that a planar arm cannot change are left out.
     total = 0.0
@@ -135,19 +139,19 @@ def lower_bound(
     for row in range(mp):
         value = 0.0
         for a in range(3):
-            value += task.position_rows[row, a] * (model.tip[a] - turned[a])
+            value += position_rows[row, a] * (tip[a] - turned[a])
         total += value * value
         for a in range(3):
-            u[a] += value * task.position_rows[row, a]
+            u[a] += value * position_rows[row, a]
     for row in range(mo):
-        value = model.residual[mp + row]
+        value = residual[mp + row]
         total += value * value
         for a in range(3):
-            u[3 + a] += value * task.orientation_rows[row, a]
+            u[3 + a] += value * orientation_rows[row, a]
     norm = math.sqrt(total)
     length = task.length if mo > 0 else 0.0
-    third = third_order_bound(chain, model.distance, length, half) / 6.0
-    crude = crude_bound(chain, model.distance, length, half)
+    third = third_order_bound(chain, distance, length, half) / 6.0
+    crude = crude_bound(chain, distance, length, half)
     best = norm - crude
     for a in range(6):
         turned[a] = u[a]  # now the residual itself
@@ -177,9 +181,9 @@ def lower_bound(
         best = max(best, value)
     total = 0.0
     for k in range(n):
-        total += half[k] * (1.0 if chain.prismatic[k] else model.distance[k])
+        total += half[k] * (1.0 if prismatic[k] else distance[k])
     for k in range(n):
-        weight = 1.0 if chain.prismatic[k] else model.distance[k]
+        weight = 1.0 if prismatic[k] else distance[k]
         share[k] += third * weight * half[k] / total if total > 0.0 else half[k]
     return best * (1.0 - 1e-9) - ABSOLUTE_ROUNDING * (1.0 + task.length), norm
 
@@ -189,7 +193,9 @@ def aim_at(
     task: TaskArrays, goal: Array, spin: int, model: LocalModel, spare: Array, aim: Array
 ) -> None:
     """Direction of the evaluated posture's residual, for `lower_bound`; zero if there is none."""
-    mp = task.position_rows.shape[0]
+    position_rows, orientation_rows = task.position_rows, task.orientation_rows
+    tip, axes, origins, residual = model.tip, model.axes, model.origins, model.residual
+    mp = position_rows.shape[0]
     turned = spare[0]
     for a in range(6):
         aim[a] = 0.0
@@ -199,19 +205,19 @@ def aim_at(
             return
         along = 0.0
         for a in range(3):
-            along += (model.tip[a] - model.origins[spin, a]) * model.axes[spin, a]
+            along += (tip[a] - origins[spin, a]) * axes[spin, a]
         for a in range(3):
-            z = model.axes[spin, a]
-            radial = (model.tip[a] - model.origins[spin, a] - along * z) / radius
-            aim[0] += (model.tip[a] - turned[a]) * radial
-            aim[1] += (model.tip[a] - turned[a]) * z
+            z = axes[spin, a]
+            radial = (tip[a] - origins[spin, a] - along * z) / radius
+            aim[0] += (tip[a] - turned[a]) * radial
+            aim[1] += (tip[a] - turned[a]) * z
     else:
-        for row in range(model.residual.shape[0]):
+        for row in range(residual.shape[0]):
             for a in range(3):
                 if row < mp:
-                    aim[a] += model.residual[row] * task.position_rows[row, a]
+                    aim[a] += residual[row] * position_rows[row, a]
                 else:
-                    aim[3 + a] += model.residual[row] * task.orientation_rows[row - mp, a]
+                    aim[3 + a] += residual[row] * orientation_rows[row - mp, a]
     total = 0.0
     for a in range(6):
         total += aim[a] * aim[a]

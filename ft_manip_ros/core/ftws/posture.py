@@ -14,13 +14,15 @@ from numpy.typing import NDArray
 from ft_manip_ros.core.chain import Array, ChainArrays
 from ft_manip_ros.core.ftws.local_model import LocalModel, evaluate
 from ft_manip_ros.core.ftws.task_map import TaskArrays
+from ft_manip_ros.core.ftws.weighting import (
+    cholesky,
+    cholesky_solve,
+    factor_weighted,
+    limit_weights,
+    weighted_inverse,
+)
 
-# Closer to a limit than this (rad or m), a joint is asked to contribute less.
-_LIMIT_ZONE = 0.4
-# Least weight of a joint at its limit, so that it can still leave it.
-_LEAST_WEIGHT = 1e-4
 _LARGEST_STEP = 0.6
-_SINGULAR_DAMPING = 1e-8
 _SEARCH_ITERATIONS = 60
 
 
@@ -36,111 +38,28 @@ def uniform(state: NDArray[np.uint64]) -> float:
 
 
 @njit(cache=True, nogil=True)
-def cholesky(gram: Array) -> bool:
-    """Factor a symmetric positive definite matrix in place (lower triangle)."""
-    m = gram.shape[0]
-    for i in range(m):
-        for j in range(i + 1):
-            value = gram[i, j]
-            for k in range(j):
-                value -= gram[i, k] * gram[j, k]
-            if i == j:
-                # A pivot lost to cancellation is no pivot.
-                if not value > 1e-14 * gram[i, i] or value <= 0.0:
-                    return False
-                gram[i, i] = math.sqrt(value)
-            else:
-                gram[i, j] = value / gram[j, j]
-    return True
-
-
-@njit(cache=True, nogil=True)
-def cholesky_solve(factor: Array, x: Array) -> None:
-    """Solve with the factor of `cholesky`, in place."""
-    m = factor.shape[0]
-    for i in range(m):
-        value = x[i]
-        for k in range(i):
-            value -= factor[i, k] * x[k]
-        x[i] = value / factor[i, i]
-    for i in range(m - 1, -1, -1):
-        value = x[i]
-        for k in range(i + 1, m):
-            value -= factor[k, i] * x[k]
-        x[i] = value / factor[i, i]
-
-
-@njit(cache=True, nogil=True)
-def limit_weights(chain: ChainArrays, q: Array, is_free: NDArray[np.bool_], out: Array) -> None:
-    """Weight of each joint in the pseudo-inverse: 0 frozen, small near a limit, else 1."""
+def randomise(
+    chain: ChainArrays, q: Array, is_free: NDArray[np.bool_], state: NDArray[np.uint64]
+) -> None:
+    """Put the free joints anywhere within their limits."""
+    lower, upper = chain.lower, chain.upper
     for i in range(q.shape[0]):
-        if not is_free[i]:
-            out[i] = 0.0
-        elif chain.wraps[i]:
-            out[i] = 1.0
-        else:
-            slack = min(q[i] - chain.lower[i], chain.upper[i] - q[i])
-            zone = min(_LIMIT_ZONE, 0.5 * (chain.upper[i] - chain.lower[i]))
-            ratio = min(1.0, max(slack, 0.0) / zone)
-            out[i] = max(ratio * ratio, _LEAST_WEIGHT)
-
-
-@njit(cache=True, nogil=True)
-def limit_push(lower: float, upper: float, q: float) -> float:
-    """Half the derivative of ``-1 / weight`` of `limit_weights`: away from the nearer limit."""
-    zone = min(_LIMIT_ZONE, 0.5 * (upper - lower))
-    below, above = q - lower, upper - q
-    ratio = min(below, above) / zone
-    if ratio >= 1.0:
-        return 0.0
-    push = 1.0 / (zone * max(ratio, 0.05) ** 3)
-    return push if below < above else -push
-
-
-@njit(cache=True, nogil=True)
-def weighted_inverse(jacobian: Array, weights: Array, gram: Array, inverse: Array) -> bool:
-    """Right inverse ``W J^T (J W J^T)^-1`` into ``inverse`` (n, m); damped where singular.
-
-    ``gram`` (m, m) is left holding the Cholesky factor. False where even damping does not help.
-    """
-    m, n = jacobian.shape
-    for attempt in range(2):
-        scale = 0.0
-        for a in range(m):
-            for b in range(a + 1):
-                value = 0.0
-                for i in range(n):
-                    value += jacobian[a, i] * weights[i] * jacobian[b, i]
-                gram[a, b] = value
-            scale += gram[a, a]
-        if attempt == 1:
-            for a in range(m):
-                gram[a, a] += _SINGULAR_DAMPING * scale
-        if cholesky(gram):
-            break
-        if attempt == 1:
-            return False
-    for i in range(n):
-        if weights[i] == 0.0:
-            for a in range(m):
-                inverse[i, a] = 0.0
-        else:
-            for a in range(m):
-                inverse[i, a] = jacobian[a, i] * weights[i]
-            cholesky_solve(gram, inverse[i])
-    return True
+        if is_free[i]:
+            q[i] = lower[i] + uniform(state) * (upper[i] - lower[i])
 
 
 @njit(cache=True, nogil=True)
 def clamp(chain: ChainArrays, q: Array, is_free: NDArray[np.bool_]) -> None:
     """Put the free joints within their limits; joints that wrap into [-pi, pi)."""
+    wraps, lower, upper = chain.wraps, chain.lower, chain.upper
     for i in range(q.shape[0]):
         if not is_free[i]:
             continue
-        if chain.wraps[i]:
-            q[i] -= 2.0 * math.pi * math.floor((q[i] + math.pi) / (2.0 * math.pi))
+        if wraps[i]:
+            if not -math.pi <= q[i] < math.pi:
+                q[i] -= 2.0 * math.pi * math.floor((q[i] + math.pi) / (2.0 * math.pi))
         else:
-            q[i] = min(max(q[i], chain.lower[i]), chain.upper[i])
+            q[i] = min(max(q[i], lower[i]), upper[i])
 
 
 @njit(cache=True, nogil=True)
@@ -159,35 +78,38 @@ def correct(
 ) -> float:
     """Newton on the free joints from ``q`` (changed); returns the residual's norm (m).
 
-    On return ``model``, ``weights`` and ``inverse`` belong to the final posture; infinity when
-    the Jacobian is singular there.
+    On return ``model``, ``weights``, ``gram`` and ``inverse`` belong to the final posture;
+    infinity when the Jacobian is singular there.
     """
+    jacobian, residual = model.jacobian, model.residual
     n = q.shape[0]
-    m = model.residual.shape[0]
+    m = residual.shape[0]
     norm = evaluate(chain, task, goal, q, model)
+    before = math.inf
     for step in range(iterations + 1):
         limit_weights(chain, q, is_free, weights)
-        if not weighted_inverse(model.jacobian, weights, gram, inverse):
+        if not factor_weighted(jacobian, weights, gram):
             return math.inf
-        if norm <= tolerance or step == iterations:
-            return norm
+        if norm <= tolerance or step == iterations or (step >= 3 and norm > before):
+            break
+        # The residual becomes the multipliers; `evaluate` writes the next one over them.
+        cholesky_solve(gram, residual)
         largest = 0.0
         for i in range(n):
             value = 0.0
             for a in range(m):
-                value += inverse[i, a] * model.residual[a]
-            largest = max(largest, abs(value))
+                value += jacobian[a, i] * residual[a]
+            inverse[i, 0] = weights[i] * value
+            largest = max(largest, abs(inverse[i, 0]))
         scale = 1.0 if largest <= _LARGEST_STEP else _LARGEST_STEP / largest
         for i in range(n):
-            value = 0.0
-            for a in range(m):
-                value += inverse[i, a] * model.residual[a]
-            q[i] -= scale * value
+            q[i] -= scale * inverse[i, 0]
         clamp(chain, q, is_free)
         before = norm
         norm = evaluate(chain, task, goal, q, model)
-        if step >= 2 and norm > before:
-            return norm if norm <= tolerance else math.inf
+    if norm > before and norm > tolerance:
+        return math.inf
+    weighted_inverse(jacobian, weights, gram, inverse)
     return norm
 
 
@@ -205,11 +127,12 @@ def descend(
     tolerance: float,
 ) -> float:
     """Bounded Levenberg-Marquardt from ``q`` (changed) to a local minimum of the residual."""
+    wraps, lower, upper = chain.wraps, chain.lower, chain.upper
+    jacobian, residual = model.jacobian, model.residual
     n = q.shape[0]
-    m = model.residual.shape[0]
+    m = residual.shape[0]
     norm = evaluate(chain, task, goal, q, model)
     damping = 1e-3
-    step = np.empty(m)
     for _ in range(_SEARCH_ITERATIONS):
         if norm <= tolerance:
             break
@@ -217,37 +140,38 @@ def descend(
         for i in range(n):
             weights[i] = 0.0
             if is_free[i]:
-                slope = 0.0
-                for a in range(m):
-                    slope += model.jacobian[a, i] * model.residual[a]
-                pinned = not chain.wraps[i] and (
-                    (q[i] <= chain.lower[i] and slope > 0.0)
-                    or (q[i] >= chain.upper[i] and slope < 0.0)
-                )
+                pinned = False
+                if not wraps[i] and (q[i] <= lower[i] or q[i] >= upper[i]):
+                    slope = 0.0
+                    for a in range(m):
+                        slope += jacobian[a, i] * residual[a]
+                    pinned = (q[i] <= lower[i] and slope > 0.0) or (
+                        q[i] >= upper[i] and slope < 0.0
+                    )
                 if not pinned:
                     weights[i] = 1.0
                     for a in range(m):
-                        scale += model.jacobian[a, i] * model.jacobian[a, i]
+                        scale += jacobian[a, i] * jacobian[a, i]
         if scale == 0.0:
             break
         for a in range(m):
             for b in range(a + 1):
                 value = damping * scale if a == b else 0.0
                 for i in range(n):
-                    value += model.jacobian[a, i] * weights[i] * model.jacobian[b, i]
+                    value += jacobian[a, i] * weights[i] * jacobian[b, i]
                 gram[a, b] = value
-            step[a] = model.residual[a]
         if not cholesky(gram):
             damping = max(10.0 * damping, 1e-9)
             continue
-        cholesky_solve(gram, step)
+        # The residual becomes the multipliers; `evaluate` writes the next one over them.
+        cholesky_solve(gram, residual)
         moved = 0.0
         for i in range(n):
             trial[i] = q[i]
             if weights[i] != 0.0:
                 value = 0.0
                 for a in range(m):
-                    value += model.jacobian[a, i] * step[a]
+                    value += jacobian[a, i] * residual[a]
                 trial[i] -= value
                 moved = max(moved, abs(value))
         clamp(chain, trial, is_free)

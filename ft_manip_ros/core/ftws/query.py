@@ -11,8 +11,8 @@ import numpy as np
 from ft_manip_ros.core.chain import Array, SerialChain
 from ft_manip_ros.core.errors import InputError
 from ft_manip_ros.core.ftws.dextrous import judge_dextrous
+from ft_manip_ros.core.ftws.effort import MEMBER, NON_MEMBER, Effort
 from ft_manip_ros.core.ftws.engine import run_engine
-from ft_manip_ros.core.ftws.judge import MEMBER, NON_MEMBER, Effort
 from ft_manip_ros.core.ftws.problem import Problem, goal_rows, prepare
 from ft_manip_ros.core.ftws.settings import FtwsSettings
 from ft_manip_ros.core.ftws.verdict import FtwsResult, Verdict

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ft_manip_ros.core.errors import InputError
-from ft_manip_ros.core.ftws.judge import Effort
+from ft_manip_ros.core.ftws.effort import Effort
 
 
 @dataclass(frozen=True, kw_only=True)

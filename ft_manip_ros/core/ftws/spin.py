@@ -27,9 +27,10 @@ def spin_joint(chain: ChainArrays, task: TaskArrays, is_free: NDArray[np.bool_])
 @njit(cache=True, nogil=True)
 def turn_goal(goal: Array, spin: int, model: LocalModel, turned: Array) -> float:
     """Goal turned about the spin joint's axis to the tool's side; returns the tool's radius."""
-    zx, zy, zz = model.axes[spin, 0], model.axes[spin, 1], model.axes[spin, 2]
-    ox, oy, oz = model.origins[spin, 0], model.origins[spin, 1], model.origins[spin, 2]
-    tx, ty, tz = model.tip[0] - ox, model.tip[1] - oy, model.tip[2] - oz
+    axes, origins, tip = model.axes, model.origins, model.tip
+    zx, zy, zz = axes[spin, 0], axes[spin, 1], axes[spin, 2]
+    ox, oy, oz = origins[spin, 0], origins[spin, 1], origins[spin, 2]
+    tx, ty, tz = tip[0] - ox, tip[1] - oy, tip[2] - oz
     along = tx * zx + ty * zy + tz * zz
     tx, ty, tz = tx - along * zx, ty - along * zy, tz - along * zz
     radius = math.sqrt(tx * tx + ty * ty + tz * tz)
@@ -49,12 +50,13 @@ def turn_goal(goal: Array, spin: int, model: LocalModel, turned: Array) -> float
 @njit(cache=True, nogil=True)
 def unroll(aim: Array, spin: int, model: LocalModel, radius: float, u: Array) -> None:
     """World direction of ``aim``'s radial and axial parts about the spin axis."""
+    axes, origins, tip = model.axes, model.origins, model.tip
     along = 0.0
     for a in range(3):
-        along += (model.tip[a] - model.origins[spin, a]) * model.axes[spin, a]
+        along += (tip[a] - origins[spin, a]) * axes[spin, a]
     for a in range(3):
-        z = model.axes[spin, a]
-        radial = (model.tip[a] - model.origins[spin, a] - along * z) / radius
+        z = axes[spin, a]
+        radial = (tip[a] - origins[spin, a] - along * z) / radius
         u[a] = aim[0] * radial + aim[1] * z
 
 
@@ -63,10 +65,17 @@ def _spread(
     chain: ChainArrays, spin: int, half: Array, model: LocalModel, radius: float, crude: float
 ) -> tuple[float, float]:
     """How near to the spin axis the tool comes over a box, and how far it goes round (m)."""
-    zx, zy, zz = model.axes[spin, 0], model.axes[spin, 1], model.axes[spin, 2]
-    tx = model.tip[0] - model.origins[spin, 0]
-    ty = model.tip[1] - model.origins[spin, 1]
-    tz = model.tip[2] - model.origins[spin, 2]
+    prismatic, axes, linear, origins, tip = (
+        chain.prismatic,
+        model.axes,
+        model.linear,
+        model.origins,
+        model.tip,
+    )
+    zx, zy, zz = axes[spin, 0], axes[spin, 1], axes[spin, 2]
+    tx = tip[0] - origins[spin, 0]
+    ty = tip[1] - origins[spin, 1]
+    tz = tip[2] - origins[spin, 2]
     along = tx * zx + ty * zy + tz * zz
     rx = (tx - along * zx) / radius
     ry = (ty - along * zy) / radius
@@ -75,10 +84,10 @@ def _spread(
     radial = sideways = total = 0.0
     for k in range(half.shape[0]):
         if half[k] > 0.0:
-            lx, ly, lz = model.linear[k, 0], model.linear[k, 1], model.linear[k, 2]
+            lx, ly, lz = linear[k, 0], linear[k, 1], linear[k, 2]
             radial += abs(rx * lx + ry * ly + rz * lz) * half[k]
             sideways += abs(sx * lx + sy * ly + sz * lz) * half[k]
-            if not chain.prismatic[k]:
+            if not prismatic[k]:
                 total += half[k]
     remainder = crude * total  # bounds half the second derivative over the box
     nearest = radius - min(radial + remainder, crude)
@@ -101,11 +110,12 @@ def circle_correction(
     in the tool's position: the projection bounds it from below. Where the tool is nearer to the
     axis than the goal an upper bound is needed: ``sqrt(a^2 + b^2) <= a + b^2 / (2 a)``.
     """
+    axes, origins, tip = model.axes, model.origins, model.tip
     along = outward = 0.0
     for a in range(3):
-        along += (model.tip[a] - model.origins[spin, a]) * model.axes[spin, a]
+        along += (tip[a] - origins[spin, a]) * axes[spin, a]
     for a in range(3):
-        across = model.tip[a] - model.origins[spin, a] - along * model.axes[spin, a]
+        across = tip[a] - origins[spin, a] - along * axes[spin, a]
         outward += u[a] * across / radius
     if outward >= 0.0:
         return 0.0
@@ -126,9 +136,10 @@ def beyond_limits(
     """
     if chain.wraps[spin]:
         return False
+    tip, origins = model.tip, model.origins
     zx, zy, zz = model.axes[spin, 0], model.axes[spin, 1], model.axes[spin, 2]
-    ox, oy, oz = model.origins[spin, 0], model.origins[spin, 1], model.origins[spin, 2]
-    tx, ty, tz = model.tip[0] - ox, model.tip[1] - oy, model.tip[2] - oz
+    ox, oy, oz = origins[spin, 0], origins[spin, 1], origins[spin, 2]
+    tx, ty, tz = tip[0] - ox, tip[1] - oy, tip[2] - oz
     gx, gy, gz = goal[0] - ox, goal[1] - oy, goal[2] - oz
     t_along = tx * zx + ty * zy + tz * zz
     g_along = gx * zx + gy * zy + gz * zz
@@ -154,13 +165,14 @@ def beyond_limits(
 @njit(cache=True, nogil=True)
 def crude_bound(chain: ChainArrays, distance: Array, length: float, half: Array) -> float:
     """How far the residual can move over a box, from the tool's distances to the axes alone."""
+    prismatic = chain.prismatic
     moved = 0.0
     total = 0.0
     for k in range(half.shape[0] - 1, -1, -1):
         if half[k] > 0.0:
-            step = half[k] if chain.prismatic[k] else (distance[k] + moved) * half[k]
+            step = half[k] if prismatic[k] else (distance[k] + moved) * half[k]
             moved += step
             total += step
-            if length > 0.0 and not chain.prismatic[k]:
+            if length > 0.0 and not prismatic[k]:
                 total += math.hypot(step, length * half[k]) - step
     return total
