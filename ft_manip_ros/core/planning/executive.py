@@ -142,8 +142,8 @@ class Executive:
 
         Plans anew when that changed while goals remain: a further failure during recovery, or a
         joint that was cleared. Returns None otherwise, and where the newest measured state is
-        too old: the plan is then made with the next one. While a joint runs away the plan is to
-        stand still.
+        too old, or was measured while a joint was frozen that is not any more: the plan is then
+        made with the next one. While a joint runs away the plan is to stand still.
         """
         for name, value in frozen.items():
             self.chain.index(name)
@@ -161,6 +161,9 @@ class Executive:
             name: value if np.isfinite(value := sigma.get(name, 0.0)) and value >= 0.0 else 0.0
             for name in frozen
         }
+        if back:
+            # What was noted of a frozen joint is where it was frozen; it is measured from now on.
+            self._states.clear()
         if self._progress is None:
             return None
         cause = ', '.join(

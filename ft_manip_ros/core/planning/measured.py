@@ -38,6 +38,10 @@ class MeasuredStates:
         """Whether any state is known."""
         return bool(self._states)
 
+    def clear(self) -> None:
+        """Forget every state."""
+        self._states.clear()
+
     @property
     def stamp(self) -> int:
         """Of the newest state (ns)."""

@@ -120,6 +120,25 @@ def test_a_frozen_joint_needs_no_sensor(reading):
     assert story.decisions[-1] is decision
 
 
+def test_a_cleared_joint_goes_on_from_where_it_is_measured():
+    story = Story()
+    story.obey(story.executive.on_task(TASK))
+    story.run(0.5)
+    story.lock('joint_3')
+    story.broken = {'joint_3': None}
+    story.run(0.1)
+    # Unlike where it was frozen, nothing says where it stands now.
+    assert story.executive.on_fault_state(story.stamp, {}, {}) is None
+    with pytest.raises(InputError, match='joint_3'):
+        story.tick()
+    moved = float(story.arm.position[2]) + 0.05
+    story.broken = {'joint_3': moved}
+    story.tick()
+    decision = story.decisions[-1]
+    assert not decision.degraded
+    assert decision.plan.trajectory.positions[0, 2] == moved
+
+
 def test_the_sensor_of_a_healthy_joint_is_needed():
     story = Story()
     story.broken = {'joint_3': np.nan}
@@ -142,7 +161,8 @@ def test_second_and_third_failures_and_a_joint_that_comes_back():
     for joint in ('joint_5', 'joint_2', 'joint_4'):
         story.arm.release(joint, story.time)
     story.run(0.1)
-    story.obey(story.executive.on_fault_state(story.stamp, {}, {}))
+    assert story.executive.on_fault_state(story.stamp, {}, {}) is None
+    story.tick()
     decision = story.decisions[-1]
     assert not decision.degraded
     assert 'cleared' in decision.cause
