@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from ft_manip_ros.core.arm_file import load_dh
-from ft_manip_ros.core.chain import Joint, SerialChain
+from ft_manip_ros.core.chain import SerialChain
 from ft_manip_ros.core.dh import DhTable
+from ft_manip_ros.core.joint import Joint
 
 
 def limited(arm: str, degrees: float) -> SerialChain:

@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from ft_manip_ros.core.chain import DEFAULT_ACCELERATION, DEFAULT_VELOCITY, Joint, SerialChain
+from ft_manip_ros.core.chain import SerialChain
 from ft_manip_ros.core.config_files import find_config
 from ft_manip_ros.core.dh import DhTable
 from ft_manip_ros.core.errors import InputError
+from ft_manip_ros.core.joint import DEFAULT_ACCELERATION, DEFAULT_VELOCITY, Joint
 from ft_manip_ros.core.strict_yaml import Fields, located, read_fields
 from ft_manip_ros.core.whole_file import write_whole
 

@@ -6,8 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ft_manip_ros.core.chain import Array, Joint, SerialChain
+from ft_manip_ros.core.chain import Array, SerialChain
 from ft_manip_ros.core.errors import InputError
+from ft_manip_ros.core.joint import Joint
 
 
 @dataclass(frozen=True, eq=False)

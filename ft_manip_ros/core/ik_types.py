@@ -9,7 +9,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from ft_manip_ros.core.chain import FULL_TURN, Array, ChainArrays
+from ft_manip_ros.core.chain import Array, ChainArrays
+from ft_manip_ros.core.joint import FULL_TURN
 
 # What is asked of the tool: its position, also the direction of its z axis, or its whole frame.
 POSITION = 0

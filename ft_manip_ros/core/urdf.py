@@ -9,16 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio
 
-from ft_manip_ros.core.chain import (
-    DEFAULT_ACCELERATION,
-    DEFAULT_VELOCITY,
-    Array,
-    Axis,
-    Joint,
-    SerialChain,
-    joint_motion,
-)
+from ft_manip_ros.core.chain import Array, SerialChain, joint_motion
 from ft_manip_ros.core.errors import InputError
+from ft_manip_ros.core.joint import DEFAULT_ACCELERATION, DEFAULT_VELOCITY, Axis, Joint
 from ft_manip_ros.core.urdf_mimic import followed, tightened
 from ft_manip_ros.core.urdf_text import only_end_link, parse, read_text, root_link, some
 

@@ -6,8 +6,8 @@ import xml.etree.ElementTree as ElementTree
 from collections.abc import Mapping
 from dataclasses import replace
 
-from ft_manip_ros.core.chain import Joint
 from ft_manip_ros.core.errors import InputError
+from ft_manip_ros.core.joint import Joint
 from ft_manip_ros.core.urdf_text import some
 
 

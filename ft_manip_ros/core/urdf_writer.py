@@ -7,8 +7,9 @@ import xml.etree.ElementTree as ElementTree
 
 import numpy as np
 
-from ft_manip_ros.core.chain import Array, Joint, SerialChain
+from ft_manip_ros.core.chain import Array, SerialChain
 from ft_manip_ros.core.errors import InputError
+from ft_manip_ros.core.joint import Joint
 
 BASE_LINK = 'base_link'
 TOOL_LINK = 'tool'

@@ -11,7 +11,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from ft_manip_interfaces.msg import DhParameters, TaskGoal
 from ft_manip_interfaces.msg import Task as TaskMessage
-from ft_manip_ros.core.chain import Array, Joint
+from ft_manip_ros.core.chain import Array
 from ft_manip_ros.core.detection.commands import TrajectoryPoint
 from ft_manip_ros.core.dh import DhTable
 from ft_manip_ros.core.errors import InputError
@@ -23,6 +23,7 @@ from ft_manip_ros.core.goal import (
     quaternion_from_rotation,
     rotation_from_quaternion,
 )
+from ft_manip_ros.core.joint import Joint
 from ft_manip_ros.core.joint_path import JointPath
 from ft_manip_ros.core.planning.trajectory import Trajectory
 

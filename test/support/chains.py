@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ft_manip_ros.core.chain import Axis, Joint, SerialChain
+from ft_manip_ros.core.chain import SerialChain
+from ft_manip_ros.core.joint import Axis, Joint
 
 _ROBOTS = 'package://example-robot-data/robots/'
 

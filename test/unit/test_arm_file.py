@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from ft_manip_ros.core.arm_file import load_arm, load_dh, save_dh
-from ft_manip_ros.core.chain import Joint
 from ft_manip_ros.core.config_files import config_folder
 from ft_manip_ros.core.dh import DhTable
 from ft_manip_ros.core.errors import InputError
+from ft_manip_ros.core.joint import Joint
 from ft_manip_ros.core.kinematics import fk
 
 # Table 3 of Paredis & Khosla (1994): d, a, alpha in degrees.

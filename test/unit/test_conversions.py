@@ -10,10 +10,10 @@ from builtin_interfaces.msg import Duration, Time
 from geometry_msgs.msg import Quaternion
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from ft_manip_ros.core.chain import Joint
 from ft_manip_ros.core.dh import DhTable
 from ft_manip_ros.core.errors import InputError
 from ft_manip_ros.core.goal import Goal, Task
+from ft_manip_ros.core.joint import Joint
 from ft_manip_ros.core.planning.trajectory import Trajectory
 from ft_manip_ros.nodes import conversions as convert
 

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from numba import njit
 
-from ft_manip_ros.core.chain import Joint
 from ft_manip_ros.core.dh import DhTable
 from ft_manip_ros.core.errors import InputError
+from ft_manip_ros.core.joint import Joint
 from ft_manip_ros.core.kernels import sin_cos
 from ft_manip_ros.core.kinematics import fk, isotropy
 from ft_manip_ros.core.screw_form import split_rotation

@@ -5,8 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from ft_manip_ros.core.chain import Joint, SerialChain
+from ft_manip_ros.core.chain import SerialChain
 from ft_manip_ros.core.errors import InputError
+from ft_manip_ros.core.joint import Joint
 from ft_manip_ros.core.joint_path import JointPath
 from ft_manip_ros.core.sim import STEP, SimSettings, SimulatedArm
 

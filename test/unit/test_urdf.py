@@ -7,9 +7,10 @@ import pinocchio
 import pytest
 
 from ft_manip_ros.core.arm_file import load_arm
-from ft_manip_ros.core.chain import DEFAULT_VELOCITY, Joint, SerialChain
+from ft_manip_ros.core.chain import SerialChain
 from ft_manip_ros.core.config_files import config_folder, resolve_package_url
 from ft_manip_ros.core.errors import InputError
+from ft_manip_ros.core.joint import DEFAULT_VELOCITY, Joint
 from ft_manip_ros.core.kinematics import fk, jacobian
 from ft_manip_ros.core.pinocchio_model import model_from_chain
 from ft_manip_ros.core.urdf import chain_from_urdf

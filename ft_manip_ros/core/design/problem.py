@@ -7,7 +7,7 @@ from math import comb
 
 import numpy as np
 
-from ft_manip_ros.core.chain import FULL_TURN, Array, Joint
+from ft_manip_ros.core.chain import Array
 from ft_manip_ros.core.design.dh_kernels import DhRows, Goals, IntArray, Limits, make_rows
 from ft_manip_ros.core.design.frozen_sets import FrozenSets, frozen_sets
 from ft_manip_ros.core.design.search_goals import guarded_goals, pack_task, with_balls
@@ -16,6 +16,7 @@ from ft_manip_ros.core.design.space import DesignSpace, design_space
 from ft_manip_ros.core.dh import DhTable
 from ft_manip_ros.core.errors import InputError
 from ft_manip_ros.core.goal import DesignSpec, Task
+from ft_manip_ros.core.joint import FULL_TURN, Joint
 
 # Penalty (m^2 + rad^2) that counts as reached: well inside the 1e-6 m of the verdicts.
 ZERO = 1e-14

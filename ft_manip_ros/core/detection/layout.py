@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ft_manip_ros.core.chain import Joint
 from ft_manip_ros.core.detection.settings import MonitorSettings
 from ft_manip_ros.core.detection.states import JointState
+from ft_manip_ros.core.joint import Joint
 
 RING = 512  # command samples kept for each joint
 PAST = 128  # position samples kept for each joint

@@ -8,7 +8,6 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ft_manip_ros.core.chain import Joint
 from ft_manip_ros.core.detection.command_intake import CommandIntake
 from ft_manip_ros.core.detection.commands import TrajectoryPoint
 from ft_manip_ros.core.detection.kernel import advance, forget_windows
@@ -20,6 +19,7 @@ from ft_manip_ros.core.detection.sample_table import sample_table
 from ft_manip_ros.core.detection.settings import MonitorSettings
 from ft_manip_ros.core.detection.states import Cause, Edge, JointState, Report
 from ft_manip_ros.core.errors import InputError
+from ft_manip_ros.core.joint import Joint
 
 Array = NDArray[np.float64]
 _ORIGIN = 1.0  # s, internal time of the first stamp: zero means "never"

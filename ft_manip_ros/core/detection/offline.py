@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ft_manip_ros.core.chain import Joint, SerialChain
+from ft_manip_ros.core.chain import SerialChain
 from ft_manip_ros.core.detection.monitor import FaultMonitor
 from ft_manip_ros.core.detection.recording import Recording
 from ft_manip_ros.core.detection.settings import MonitorSettings
 from ft_manip_ros.core.detection.states import Edge
 from ft_manip_ros.core.errors import InputError
+from ft_manip_ros.core.joint import Joint
 
 Array = NDArray[np.float64]
 

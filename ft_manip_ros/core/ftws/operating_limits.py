@@ -7,11 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ft_manip_ros.core.chain import Array, Joint, SerialChain
+from ft_manip_ros.core.chain import Array, SerialChain
 from ft_manip_ros.core.ftws.query import query
 from ft_manip_ros.core.ftws.settings import FtwsSettings
 from ft_manip_ros.core.ftws.verdict import FtwsResult, Verdict
 from ft_manip_ros.core.goal import Goal
+from ft_manip_ros.core.joint import Joint
 
 Intervals = list[tuple[float, float]]
 

@@ -9,11 +9,12 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from ft_manip_ros.core.chain import Array, ChainArrays, Joint, SerialChain
+from ft_manip_ros.core.chain import Array, ChainArrays, SerialChain
 from ft_manip_ros.core.errors import InputError
 from ft_manip_ros.core.ftws.reach import reach_table
 from ft_manip_ros.core.ftws.task_map import Plane, TaskArrays, find_plane, reach, task_arrays
 from ft_manip_ros.core.goal import Goal, quaternion_from_rotation, rotation_from_quaternion
+from ft_manip_ros.core.joint import Joint
 
 _SPIN = '(free tool axis)'
 # Positions per frozen joint in the reach table, by order.

@@ -8,7 +8,8 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from ft_manip_ros.core.chain import FULL_TURN, Array
+from ft_manip_ros.core.chain import Array
+from ft_manip_ros.core.joint import FULL_TURN
 from ft_manip_ros.core.planning.limits import MotionLimits, travel
 from ft_manip_ros.core.planning.sequence import straight_times
 

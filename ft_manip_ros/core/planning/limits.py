@@ -9,7 +9,8 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from ft_manip_ros.core.chain import FULL_TURN, Array, ChainArrays, SerialChain
+from ft_manip_ros.core.chain import Array, ChainArrays, SerialChain
+from ft_manip_ros.core.joint import FULL_TURN
 
 # A range this much beyond one turn is a real range with two ends, not a wrapping joint.
 _BEYOND_A_TURN = 1e-3

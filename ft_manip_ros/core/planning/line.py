@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
-from ft_manip_ros.core.chain import FULL_TURN, Array, ChainArrays, SerialChain
+from ft_manip_ros.core.chain import Array, ChainArrays, SerialChain
 from ft_manip_ros.core.goal import Goal
+from ft_manip_ros.core.joint import FULL_TURN
 from ft_manip_ros.core.kinematics import fk
 from ft_manip_ros.core.planning import timing
 from ft_manip_ros.core.planning.collision import CollisionChecker

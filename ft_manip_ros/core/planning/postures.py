@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from ft_manip_ros.core.chain import FULL_TURN, Array, ChainArrays
+from ft_manip_ros.core.chain import Array, ChainArrays
 from ft_manip_ros.core.goal import Goal
 from ft_manip_ros.core.ik import IkSettings, ik_control, ik_mode
 from ft_manip_ros.core.ik_kernels import descend
@@ -21,6 +21,7 @@ from ft_manip_ros.core.ik_types import (
     splitmix,
     uniform,
 )
+from ft_manip_ros.core.joint import FULL_TURN
 from ft_manip_ros.core.planning.settings import PlanSettings
 
 # Postures nearer than this in every joint (rad or m) count as one.

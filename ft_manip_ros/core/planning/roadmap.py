@@ -8,7 +8,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ft_manip_ros.core.chain import FULL_TURN, Array
+from ft_manip_ros.core.chain import Array
+from ft_manip_ros.core.joint import FULL_TURN
 from ft_manip_ros.core.planning.limits import MotionLimits, travel
 
 # Longest new move, as part of the ranges of the joints (root of the sum of squares).

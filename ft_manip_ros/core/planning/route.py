@@ -9,7 +9,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ft_manip_ros.core.chain import FULL_TURN, Array, SerialChain
+from ft_manip_ros.core.chain import Array, SerialChain
+from ft_manip_ros.core.joint import FULL_TURN
 from ft_manip_ros.core.planning import timing
 from ft_manip_ros.core.planning.collision import CollisionChecker
 from ft_manip_ros.core.planning.limits import MotionLimits, travel

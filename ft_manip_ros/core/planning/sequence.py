@@ -9,7 +9,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from ft_manip_ros.core.chain import FULL_TURN, Array
+from ft_manip_ros.core.chain import Array
+from ft_manip_ros.core.joint import FULL_TURN
 from ft_manip_ros.core.planning.limits import MotionLimits
 
 

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from ft_manip_ros.core.chain import Joint
 from ft_manip_ros.core.dh import DhTable
 from ft_manip_ros.core.ftws.query import query
 from ft_manip_ros.core.ftws.settings import FtwsSettings
 from ft_manip_ros.core.ftws.verdict import Verdict
+from ft_manip_ros.core.joint import Joint
 from support.dense_reach import dh_frame, worst_miss
 
 

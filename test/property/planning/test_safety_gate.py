@@ -8,8 +8,9 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ft_manip_ros.core.chain import Axis, Joint, SerialChain
+from ft_manip_ros.core.chain import SerialChain
 from ft_manip_ros.core.goal import Goal
+from ft_manip_ros.core.joint import Axis, Joint
 from ft_manip_ros.core.kinematics import fk
 from ft_manip_ros.core.planning.plan import Outcome, PlanStatus
 from ft_manip_ros.core.planning.replan import plan_task

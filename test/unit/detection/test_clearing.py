@@ -7,11 +7,11 @@ import math
 
 import pytest
 
-from ft_manip_ros.core.chain import Joint
 from ft_manip_ros.core.detection.monitor import FaultMonitor
 from ft_manip_ros.core.detection.state_file import restore_faults, save_faults
 from ft_manip_ros.core.detection.states import JointState
 from ft_manip_ros.core.errors import InputError
+from ft_manip_ros.core.joint import Joint
 from support.joint_streams import Stream
 
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ft_manip_ros.core.chain import Joint
 from ft_manip_ros.core.detection.monitor import FaultMonitor
 from ft_manip_ros.core.detection.settings import MonitorSettings
 from ft_manip_ros.core.detection.states import JointState
 from ft_manip_ros.core.errors import InputError
+from ft_manip_ros.core.joint import Joint
 from support.joint_streams import Stream
 
 LOCKED = JointState.LOCKED

@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from ft_manip_ros.core.chain import Joint
 from ft_manip_ros.core.detection.monitor import FaultMonitor
 from ft_manip_ros.core.detection.states import JointState
+from ft_manip_ros.core.joint import Joint
 from support.joint_streams import Stream
 
 LOCKED, STALE, SENSOR = JointState.LOCKED, JointState.STALE, JointState.SENSOR

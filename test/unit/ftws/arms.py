@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ft_manip_ros.core.chain import Joint, SerialChain
+from ft_manip_ros.core.chain import SerialChain
 from ft_manip_ros.core.dh import DhTable
+from ft_manip_ros.core.joint import Joint
 
 
 def dh_arm(d, a, alpha, limit=np.pi) -> SerialChain:

@@ -8,10 +8,11 @@ import pytest
 
 from bench.free_space import FreeSpace
 from ft_manip_ros.core.arm_file import load_arm
-from ft_manip_ros.core.chain import Joint, SerialChain
+from ft_manip_ros.core.chain import SerialChain
 from ft_manip_ros.core.config_files import find_config
 from ft_manip_ros.core.errors import InputError
 from ft_manip_ros.core.goal import Goal
+from ft_manip_ros.core.joint import Joint
 from ft_manip_ros.core.kinematics import fk
 from ft_manip_ros.core.planning.collision import CollisionChecker
 from ft_manip_ros.core.planning.collision_model import capsule_model, urdf_model

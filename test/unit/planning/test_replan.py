@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from ft_manip_ros.core.arm_file import load_arm
-from ft_manip_ros.core.chain import Joint, SerialChain
+from ft_manip_ros.core.chain import SerialChain
 from ft_manip_ros.core.errors import InputError
 from ft_manip_ros.core.goal import Goal
+from ft_manip_ros.core.joint import Joint
 from ft_manip_ros.core.kinematics import fk
 from ft_manip_ros.core.planning import replan
 from ft_manip_ros.core.planning.plan import Outcome, PlanStatus

@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ft_manip_ros.core.chain import Joint, SerialChain
+from ft_manip_ros.core.chain import SerialChain
+from ft_manip_ros.core.joint import Joint
 from ft_manip_ros.core.planning import timing
 from ft_manip_ros.core.planning.limits import motion_limits
 from ft_manip_ros.core.planning.safety import check_trajectory

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ft_manip_ros.core.chain import FULL_TURN
+from ft_manip_ros.core.joint import FULL_TURN
 from ft_manip_ros.core.planning import timing
 from ft_manip_ros.core.planning.limits import MotionLimits, travel
 from ft_manip_ros.core.planning.sequence import rest_to_rest_time, straight_time
