@@ -56,6 +56,8 @@ class PlanReplay:
         self._starts: dict[int, deque[int]] = defaultdict(deque)
         self._due: list[tuple[int, int, Callable[[], None]]] = []
         self._scheduled: set[tuple[str, int]] = set()
+        # Stamp of the last one delivered of each topic.
+        self._delivered: dict[str, int] = {}
         self._latest = 0
         plans = [setup.topic('recovery_plan', PLAN), setup.topic('replanner/task_plan', PLAN)]
         if not any(plans):
@@ -94,7 +96,8 @@ class PlanReplay:
             stamp = nanoseconds(message.header.stamp)
             if self._starts.get(stamp) and (topic, stamp) not in self._scheduled:
                 self._scheduled.add((topic, stamp))
-                self._at(self._starts[stamp].popleft(), partial(deliver, message))
+                start = self._starts[stamp].popleft()
+                self._at(start, partial(self._deliver, topic, deliver, message))
 
     def _at(self, state: int, action: Callable[[], None]) -> None:
         heapq.heappush(self._due, (state, len(self._due), action))
@@ -134,8 +137,16 @@ class PlanReplay:
             heapq.heappop(self._due)[2]()
 
     def _on_trigger(self, deliver: Deliver, record: BagMessage, message: Any) -> None:
-        if (record.topic, nanoseconds(message.header.stamp)) not in self._scheduled:
-            deliver(message)
+        stamp = nanoseconds(message.header.stamp)
+        # The re-planner heard of one message of a topic after the other: of one that was recorded
+        # behind the state that a later one was delivered with, before that.
+        superseded = stamp < self._delivered.get(record.topic, stamp)
+        if (record.topic, stamp) not in self._scheduled and not superseded:
+            self._deliver(record.topic, deliver, message)
+
+    def _deliver(self, topic: str, deliver: Deliver, message: Any) -> None:
+        self._delivered[topic] = nanoseconds(message.header.stamp)
+        deliver(message)
 
     def _deliver_task(self, message: Any) -> None:
         decision = self._executive.on_task(task_from_message(message))
