@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 import re
-import struct
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from ft_manip_ros.bags.cdr_reader import CdrError, CdrReader, Read
 from ft_manip_ros.bags.definitions import message_definition
-from ft_manip_ros.bags.schema import Field, SchemaError, parse_schema, short_name
 from ft_manip_ros.core.errors import InputError
+
+if TYPE_CHECKING:
+    from rosbags.interfaces import Typestore
 
 # rosbag2 heads each of the definitions in a schema; the grammar knows nothing of it.
 _IDL_HEADING = re.compile(r'^(=+|IDL: .*)$', re.MULTILINE)
-_ORDERS = '><'  # by the second byte of the CDR header
 
 
 class Decoder:
-    """Decodes messages of the types it was told of.
+    """Decodes messages of the types it was told of, with rosbags.
 
     The objects have the fields of the ROS messages (numeric arrays as numpy arrays), so that
     what reads a message by attribute works on them too.
@@ -25,26 +24,25 @@ class Decoder:
 
     def __init__(self) -> None:
         self._schemas: dict[str, tuple[str, str]] = {}
-        self._readers: dict[tuple[str, int], Read] = {}
+        # A store for each type, for two may nest different versions of a third; and the name
+        # that it has in there: rosbags files those of services in a way of its own.
+        self._stores: dict[str, tuple[Typestore, str]] = {}
 
     def add_schema(self, type_name: str, encoding: str, text: str) -> None:
         """Use this schema ('ros2msg' or 'ros2idl') for a type; the first one told counts."""
         if text:
             self._schemas.setdefault(type_name, (encoding, text))
 
-    def fields(self, type_name: str) -> dict[str, tuple[Field, ...]]:
-        """Fields of a type and of those that it nests; nothing where its schema is no ros2msg.
+    def fields(self, type_name: str) -> dict[str, Any]:
+        """Fields of a type and of those that it nests by type name, in rosbags' terms.
 
         Raises
         ------
         InputError
             If the type is unknown or its schema unreadable.
         """
-        encoding, text = self._schema(type_name)
-        try:
-            return parse_schema(text, type_name) if encoding == 'ros2msg' else {}
-        except SchemaError as error:
-            raise _unreadable(type_name, error) from None
+        definitions = self._store(type_name)[0].fielddefs
+        return {name: fields for name, (_, fields) in definitions.items()}
 
     def decode(self, type_name: str, data: bytes) -> Any:
         """Return the message.
@@ -58,32 +56,51 @@ class Decoder:
             raise InputError(
                 f'message of type {type_name}', 'does not begin with a plain CDR header'
             )
-        read = self._readers.get((type_name, data[1]))
-        if read is None:
-            read = self._readers[type_name, data[1]] = self._build(type_name, data[1])
+        store, name = self._store(type_name)
+        try:
+            definition = store.get_msgdef(name)
+            read = definition.deserialize_cdr_le if data[1] else definition.deserialize_cdr_be
+        except Exception as error:  # noqa: BLE001 (a generator fed with a damaged definition)
+            raise _unreadable(type_name, error) from None
         try:
             # Spare bytes at the end are ignored: ROS's own serialization leaves some.
-            return read(data[4:], 0)[0]
-        except (CdrError, struct.error, UnicodeDecodeError) as error:
+            return read(data[4:], 0, definition.cls, store)[0]
+        except Exception as error:  # noqa: BLE001 (generated code fails in many ways on bad bytes)
             raise InputError(
                 f'message of type {type_name}',
                 f'its {len(data)} bytes do not fit its schema ({_short(error)})',
             ) from None
 
-    def _build(self, type_name: str, order: int) -> Read:
-        """Put together what reads the type in this byte order."""
+    def _store(self, type_name: str) -> tuple[Typestore, str]:
+        """Return what reads the type, and its name there."""
+        if type_name not in self._stores:
+            self._stores[type_name] = self._build(type_name)
+        return self._stores[type_name]
+
+    def _build(self, type_name: str) -> tuple[Typestore, str]:
+        # Loaded only here: what needs no message decoded needs no parsers.
+        from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
+
         encoding, text = self._schema(type_name)
-        if encoding in ('ros2idl', 'omgidl'):
-            return _idl_reader(type_name, text, order)
-        if encoding != 'ros2msg':
+        if encoding not in ('ros2msg', 'ros2idl', 'omgidl'):
             raise InputError(
                 f'schema of {type_name}',
                 f'has encoding {encoding!r}; known are ros2msg and ros2idl',
             )
+        store = get_typestore(Stores.EMPTY)
+        name = type_name
         try:
-            return CdrReader(self.fields(type_name), _ORDERS[order]).reader(short_name(type_name))
-        except (SchemaError, RecursionError) as error:
+            if encoding == 'ros2msg':
+                types = get_types_from_msg(text, type_name)
+                name = next(iter(types))
+            else:
+                types = get_types_from_idl(_IDL_HEADING.sub('', text))
+            store.register(types)
+        except Exception as error:  # noqa: BLE001 (a parser fed with damaged text)
             raise _unreadable(type_name, error) from None
+        if name not in types:
+            raise InputError(f'schema of {type_name}', 'does not define it')
+        return store, name
 
     def _schema(self, type_name: str) -> tuple[str, str]:
         """Encoding and text."""
@@ -94,28 +111,6 @@ class Decoder:
 
 def _unreadable(type_name: str, error: Exception) -> InputError:
     return InputError(f'schema of {type_name}', f'is not readable ({_short(error)})')
-
-
-def _idl_reader(type_name: str, text: str, order: int) -> Read:
-    """Reader of a type by its IDL, which rosbags parses."""
-    # Loaded only here: parsers take a while to import, and hardly any bag has IDL.
-    from rosbags.typesys import Stores, get_types_from_idl, get_typestore
-
-    store = get_typestore(Stores.EMPTY)
-    try:
-        store.register(get_types_from_idl(_IDL_HEADING.sub('', text)))
-        definition = store.get_msgdef(type_name)
-    except Exception as error:  # noqa: BLE001 (a parser fed with damaged text)
-        raise _unreadable(type_name, error) from None
-    read = definition.deserialize_cdr_le if order else definition.deserialize_cdr_be
-
-    def guarded(data: bytes, at: int) -> tuple[Any, int]:
-        try:
-            return read(data, at, definition.cls, store)
-        except Exception as error:  # noqa: BLE001 (generated code fails in many ways on bad bytes)
-            raise CdrError(_short(error)) from None
-
-    return guarded
 
 
 def _short(error: Exception) -> str:

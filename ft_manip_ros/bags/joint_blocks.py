@@ -8,14 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ft_manip_ros.bags.cdr_reader import Message
-from ft_manip_ros.bags.definitions import message_definition
+from ft_manip_ros.bags.decode import Decoder
 from ft_manip_ros.bags.reader import Bag
-from ft_manip_ros.bags.schema import parse_schema
 from ft_manip_ros.bags.source import BagMessage
 from ft_manip_ros.core.errors import InputError
 
@@ -58,12 +57,12 @@ class JointLayout:
         The same, decoded.
     """
 
-    def __init__(self, data: bytes, message: Message) -> None:
-        self.names = tuple(message.name)  # type: ignore[attr-defined]
+    def __init__(self, data: bytes, message: Any) -> None:
+        self.names = tuple(message.name)
         self.size = len(data)
         fixed = np.zeros(self.size, dtype=np.bool_)
         fixed[:2] = True
-        at = _string(fixed, 8, message.header.frame_id)  # type: ignore[attr-defined]
+        at = _string(fixed, 8, message.header.frame_id)
         at = _count(fixed, at)
         for name in self.names:
             at = _string(fixed, at, name)
@@ -138,7 +137,7 @@ def is_joint_state(bag: Bag, topic: str) -> bool:
     if bag.topics[topic].type_name != _TYPE:
         return False
     try:
-        return bag.schema_of(_TYPE) == parse_schema(message_definition(_TYPE).text, _TYPE)
+        return bag.schema_of(_TYPE) == Decoder().fields(_TYPE)
     except InputError:
         return False
 

@@ -13,7 +13,6 @@ from ft_manip_ros.bags.compressed import SUFFIX, UnpackedFile, unpack_message
 from ft_manip_ros.bags.decode import Decoder
 from ft_manip_ros.bags.mcap_source import McapSource
 from ft_manip_ros.bags.rosbag_metadata import FILE_NAME, read_file_names_and_custom
-from ft_manip_ros.bags.schema import Field
 from ft_manip_ros.bags.source import BagMessage, Damage, Source, TopicInfo
 from ft_manip_ros.core.errors import InputError
 
@@ -124,8 +123,8 @@ class Bag:
                 f'{error.field}: {error.problem}',
             ) from None
 
-    def schema_of(self, type_name: str) -> dict[str, tuple[Field, ...]]:
-        """Fields of a type and of those it nests, by ``package/Name``; empty for an IDL schema.
+    def schema_of(self, type_name: str) -> dict[str, Any]:
+        """Fields of a type and of those it nests, by type name, as `Decoder.fields` has them.
 
         Raises
         ------
