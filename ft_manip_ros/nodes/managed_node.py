@@ -185,11 +185,13 @@ class ManagedNode(LifecycleNode):
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Configure and warm up; on an error log it, release everything, stay unconfigured."""
+        self.get_logger().info('configuring')
         if not self._attempt('configure', self.configure) or not self._attempt(
             'warm up', self.warm_up
         ):
             self._release_all()
             return TransitionCallbackReturn.FAILURE
+        self.get_logger().info('configured')
         return super().on_configure(state)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -197,6 +199,7 @@ class ManagedNode(LifecycleNode):
         super().on_activate(state)
         self.active = True
         if self._attempt('activate', self.activate):
+            self.get_logger().info('active')
             return TransitionCallbackReturn.SUCCESS
         self.active = False
         super().on_deactivate(state)
@@ -204,25 +207,31 @@ class ManagedNode(LifecycleNode):
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Stop working and silence publishers."""
-        self.active = False
-        self._attempt('deactivate', self.deactivate)
-        return super().on_deactivate(state)
+        self._stop(state)
+        self.get_logger().info('deactivated')
+        return TransitionCallbackReturn.SUCCESS
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Let go of everything that configuring made."""
         self._release_all()
+        self.get_logger().info('cleaned up')
         return TransitionCallbackReturn.SUCCESS
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Stop working where needed and let go of everything."""
         if self.active:
-            self.on_deactivate(state)
+            self._stop(state)
         self._release_all()
         return TransitionCallbackReturn.SUCCESS
 
     def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Go back to unconfigured after a transition that raised."""
         return self.on_shutdown(state)
+
+    def _stop(self, state: LifecycleState) -> None:
+        self.active = False
+        self._attempt('deactivate', self.deactivate)
+        super().on_deactivate(state)
 
     def _attempt(self, verb: str, step: Callable[[], None]) -> bool:
         try:
@@ -239,11 +248,11 @@ class ManagedNode(LifecycleNode):
         if self._start_timer is not None:
             self.destroy_timer(self._start_timer)
             self._start_timer = None
-        if self._state_machine.current_state[1] == 'unconfigured':
-            self.get_logger().info('configuring')
-            configured = self.trigger_configure() == TransitionCallbackReturn.SUCCESS
-            if configured and self.trigger_activate() == TransitionCallbackReturn.SUCCESS:
-                self.get_logger().info('active')
+        if (
+            self._state_machine.current_state[1] == 'unconfigured'
+            and self.trigger_configure() == TransitionCallbackReturn.SUCCESS
+        ):
+            self.trigger_activate()
 
     def _release_all(self) -> None:
         self._attempt('release', self.release)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 
 import pytest
 import rclpy
@@ -107,7 +108,7 @@ def spin(executor, until, times=300):
     return False
 
 
-def test_everything_made_is_released_however_often(make):
+def test_everything_made_is_released_however_often(make, capfd):
     node, _ = make()
     permanent = len(node._entities())
     for _ in range(3):
@@ -118,6 +119,9 @@ def test_everything_made_is_released_however_often(make):
         assert node.trigger_cleanup() == SUCCESS
         assert len(node._entities()) == permanent
     assert node.steps == ['configure', 'warm_up', 'activate', 'deactivate', 'release'] * 3
+    # Whoever asked for a transition, the log says that it was made.
+    logged = re.findall(r'\]: (.*)', capfd.readouterr().err)
+    assert logged == ['configuring', 'configured', 'active', 'deactivated', 'cleaned up'] * 3
 
 
 @pytest.mark.parametrize('step', ['configure', 'warm_up', 'configure!', 'warm_up!'])
