@@ -22,7 +22,7 @@ demo: warm
 # Tests take ROS domains of their own. FT_MANIP_TELEMETRY names a folder with recorded robot data;
 # tests that read it are skipped without.
 test: warm
-	@. ./env.sh && python3 -m pytest $(ARGS)
+	@. ./env.sh && scripts/test.sh $(ARGS)
 
 bench: warm
 	@. ./env.sh && python3 -m bench $(ARGS)
