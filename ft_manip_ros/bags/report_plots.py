@@ -17,6 +17,7 @@ from matplotlib.figure import Figure
 from ft_manip_ros.bags.report_data import OUTCOMES, ReportData
 from ft_manip_ros.core.chain import Array
 from ft_manip_ros.core.plot_text import plain
+from ft_manip_ros.core.whole_file import write_figure
 
 _COLORS = {'reachable': '#2a9d4a', 'relaxed': '#d9a400', 'lost': '#c62828', 'undecided': '#777777'}
 _MEASURED, _COMMANDED, _FAULT = '#1f4e9c', '#999999', '#c62828'
@@ -35,9 +36,7 @@ def draw(data: ReportData, folder: Path) -> dict[str, Path]:
             pictures['Distance of the tool from each goal'] = ('distances.png', _distances)
     found = {}
     for title, (name, make) in pictures.items():
-        figure = make(data)
-        figure.savefig(folder / name, dpi=110)
-        plt.close(figure)
+        write_figure(folder / name, make(data), 110)
         found[title] = folder / name
     return found
 

@@ -14,8 +14,8 @@ import numpy as np
 
 from ft_manip_ros.core.detection.offline import Trace
 from ft_manip_ros.core.detection.states import Edge, JointState
-from ft_manip_ros.core.errors import InputError
 from ft_manip_ros.core.plot_text import plain
+from ft_manip_ros.core.whole_file import write_figure
 
 COLORS = {
     JointState.SUSPECT: 'gold',
@@ -70,12 +70,7 @@ def draw(path: Path, title: str, trace: Trace, edges: Sequence[Edge]) -> None:
         axis.set_xlabel('time (s)')
     shown = ', '.join(f'{color}: {state.name}' for state, color in COLORS.items())
     figure.suptitle(f'{plain(title)}   ({shown})', fontsize=9)
-    try:
-        figure.savefig(path, dpi=110)
-    except (OSError, ValueError) as error:
-        raise InputError(str(path), f'cannot be written: {error}') from None
-    finally:
-        plt.close(figure)
+    write_figure(path, figure, 110)
 
 
 def _shade(axis: plt.Axes, times: np.ndarray, states: np.ndarray) -> None:

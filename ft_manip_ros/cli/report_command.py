@@ -11,6 +11,7 @@ from ft_manip_ros.bags.report_data import collect
 from ft_manip_ros.bags.report_page import page
 from ft_manip_ros.bags.report_plots import draw
 from ft_manip_ros.core.errors import InputError
+from ft_manip_ros.core.whole_file import write_whole
 
 
 def add_parser(subparsers: Any) -> None:
@@ -31,10 +32,9 @@ def run(args: argparse.Namespace) -> int:
     data = collect(open_bag(args.bag), args.arm)
     try:
         args.output.mkdir(parents=True, exist_ok=True)
-        pictures = draw(data, args.output)
-        path = args.output / 'report.html'
-        path.write_text(page(data, pictures), encoding='utf-8')
     except OSError as error:
         raise InputError(str(args.output), f'cannot be written: {error.strerror}') from None
+    path = args.output / 'report.html'
+    write_whole(path, page(data, draw(data, args.output)))
     print(path)
     return 0

@@ -21,6 +21,7 @@ from ft_manip_ros.core.planning.settings import PlanSettings
 from ft_manip_ros.core.planning.tolerance import Fate, ToleranceMap, tolerance_map
 from ft_manip_ros.core.planning.tolerant_path import TolerantPath, most_tolerant_path
 from ft_manip_ros.core.task_file import load_task
+from ft_manip_ros.core.whole_file import whole_file
 
 
 def add_parser(subparsers: Any) -> None:
@@ -164,7 +165,7 @@ def to_json(judged: ToleranceMap, path: TolerantPath) -> dict[str, Any]:
 
 def _write(file: Path, path: TolerantPath) -> None:
     """Write time and joint positions, one point a row."""
-    with file.open('w', newline='') as stream:
+    with whole_file(file) as partial, partial.open('w', newline='') as stream:
         writer = csv.writer(stream)
         writer.writerow(['time', *path.trajectory.joint_names])
         for time, q in zip(path.trajectory.times, path.trajectory.positions, strict=True):

@@ -15,6 +15,7 @@ from matplotlib.patches import Patch
 from ft_manip_ros.core.goal import Task
 from ft_manip_ros.core.planning.tolerance import ToleranceMap
 from ft_manip_ros.core.plot_text import plain
+from ft_manip_ros.core.whole_file import write_figure
 
 # By `Fate`: lost, open, survived.
 _COLORS = ('#c0392b', '#bdbdbd', '#2e9e4f')
@@ -55,5 +56,4 @@ def draw(
         ncols=3,
         frameon=False,
     )
-    figure.savefig(path, dpi=130)
-    plt.close(figure)
+    write_figure(path, figure, 130)

@@ -6,8 +6,12 @@ import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ft_manip_ros.core.errors import InputError
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 @contextmanager
@@ -20,7 +24,8 @@ def whole_file(path: str | os.PathLike[str]) -> Iterator[Path]:
         If the folder is missing or cannot be written; what was there before stays.
     """
     target = Path(path)
-    partial = target.with_name(f'.{target.name}.{os.getpid()}')
+    # With its suffix, by which libraries choose what they write.
+    partial = target.with_name(f'.{target.stem}.{os.getpid()}{target.suffix}')
     try:
         yield partial
         partial.replace(target)
@@ -34,3 +39,22 @@ def write_whole(path: str | os.PathLike[str], text: str) -> None:
     """Write a text file as `whole_file` does."""
     with whole_file(path) as partial:
         partial.write_text(text, encoding='utf-8')
+
+
+def write_figure(path: str | os.PathLike[str], figure: Figure, dpi: int) -> None:
+    """Write a picture as `whole_file` does, in the format of its suffix, and close the figure.
+
+    Raises
+    ------
+    InputError
+        Also for a suffix that matplotlib knows no format of.
+    """
+    from matplotlib import pyplot as plt
+
+    try:
+        with whole_file(path) as partial:
+            figure.savefig(partial, dpi=dpi)
+    except ValueError as error:
+        raise InputError(str(path), f'cannot be written: {error}') from None
+    finally:
+        plt.close(figure)

@@ -17,6 +17,7 @@ from mpl_toolkits.mplot3d import proj3d
 
 from ft_manip_ros.core.chain import Array, SerialChain, joint_motion
 from ft_manip_ros.core.kinematics import fk
+from ft_manip_ros.core.whole_file import write_figure
 from ft_manip_ros.nodes.demo_record import Point, Record
 
 _ARM, _GHOST, _LOCKED, _GOOD = '#27476e', '#a9bdd6', '#d1292c', '#22893f'
@@ -43,8 +44,7 @@ def draw(record: Record, path: Path) -> None:
         handles=_symbols(), loc='outside lower center', ncols=6, fontsize=11, frameon=False
     )
     _draw_joints(joints.add_subplot(), record)
-    figure.savefig(path, dpi=100)
-    plt.close(figure)
+    write_figure(path, figure, 100)
 
 
 def link_points(chain: SerialChain, q: Array) -> Array:

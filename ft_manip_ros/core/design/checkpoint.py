@@ -16,6 +16,7 @@ import numpy as np
 from ft_manip_ros.core.design.candidate import Candidate
 from ft_manip_ros.core.design.problem import DesignProblem
 from ft_manip_ros.core.errors import InputError
+from ft_manip_ros.core.whole_file import write_whole
 
 VERSION = 1
 # Settings that may differ when a search is taken up again: they change how fast, not what.
@@ -68,12 +69,7 @@ class CheckpointFile:
             'evaluations': checkpoint.evaluations,
             'elapsed': checkpoint.elapsed,
         }
-        temporary = self.path.with_name(f'{self.path.name}.{os.getpid()}.tmp')
-        try:
-            temporary.write_text(json.dumps(document))
-            temporary.replace(self.path)
-        except OSError as error:
-            raise InputError(f'checkpoint {self.path}', f'cannot be written: {error}') from error
+        write_whole(self.path, json.dumps(document))
         self._written = time.monotonic()
 
     def read(self) -> Checkpoint:

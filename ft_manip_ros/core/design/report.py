@@ -21,7 +21,7 @@ from ft_manip_ros.core.ftws.query import query
 from ft_manip_ros.core.ftws.settings import FtwsSettings
 from ft_manip_ros.core.ftws.verdict import Verdict
 from ft_manip_ros.core.plot_text import plain
-from ft_manip_ros.core.whole_file import whole_file
+from ft_manip_ros.core.whole_file import write_figure
 
 matplotlib.use('Agg')
 import matplotlib.pyplot as plt
@@ -60,9 +60,7 @@ def write_report(
     _draw_arms(figure.add_subplot(1, 3, 1, projection='3d'), problem, result)
     _draw_slice(figure.add_subplot(1, 3, 2), problem, result, cells)
     _draw_penalties(figure.add_subplot(1, 3, 3), penalties)
-    with whole_file(path) as partial:
-        figure.savefig(partial, dpi=110, format='png')
-    plt.close(figure)
+    write_figure(path, figure, 110)
 
 
 def weakest_postures(problem: DesignProblem, p: Array) -> list[tuple[int, Array, float]]:

@@ -17,6 +17,7 @@ from ft_manip_ros.core.chain import Array, SerialChain
 from ft_manip_ros.core.errors import InputError
 from ft_manip_ros.core.ftws.map_frame import GRIDS, MapFrame
 from ft_manip_ros.core.ftws.verdict import Verdict
+from ft_manip_ros.core.whole_file import whole_file
 
 FORMAT = 'ft_manip_ros/ftws-map/2'
 _VERDICTS = {1: Verdict.MEMBER, 0: Verdict.UNDECIDED, -1: Verdict.NON_MEMBER}
@@ -108,8 +109,7 @@ class FtwsMap:
         target = Path(path)
         if target.suffix not in ('.npz', '.csv'):
             raise InputError(str(path), 'has no known suffix; .npz and .csv are written')
-        partial = target.with_name(f'.{target.stem}.{os.getpid()}{target.suffix}')
-        try:
+        with whole_file(target) as partial:
             if target.suffix == '.csv':
                 points, verdicts = self.cells()
                 with partial.open('w', encoding='utf-8') as file:
@@ -132,10 +132,6 @@ class FtwsMap:
                     grid=self.grid,
                     complete=self.complete,
                 )
-            partial.replace(target)
-        except OSError as error:
-            partial.unlink(missing_ok=True)
-            raise InputError(str(target), f'cannot be written: {error.strerror}') from error
 
 
 def arm_fingerprint(chain: SerialChain) -> str:

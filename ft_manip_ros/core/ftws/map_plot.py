@@ -10,9 +10,9 @@ import numpy as np
 from matplotlib.colors import ListedColormap
 from numpy.typing import NDArray
 
-from ft_manip_ros.core.errors import InputError
 from ft_manip_ros.core.ftws.ftws_map import FtwsMap
 from ft_manip_ros.core.plot_text import plain
+from ft_manip_ros.core.whole_file import write_figure
 
 matplotlib.use('Agg')
 
@@ -92,7 +92,4 @@ def plot_map(ftws_map: FtwsMap, path: str | os.PathLike[str]) -> None:
             )
             axes.set_title(f'z = {ftws_map.low[2] + (k + 0.5) * width:.3g} m', fontsize=9)
     figure.suptitle(f'{title}\nblue: member, orange: not proved', fontsize=10)
-    try:
-        figure.savefig(path, dpi=120)
-    except (OSError, ValueError) as error:
-        raise InputError(str(path), f'cannot be written: {error}') from error
+    write_figure(path, figure, 120)
