@@ -14,12 +14,13 @@ from ft_manip_ros.core.ik import solve_ik
 from ft_manip_ros.core.kinematics import fk, jacobian
 from ft_manip_ros.core.pinocchio_model import model_from_chain
 from ft_manip_ros.core.planning.collision import CollisionChecker
-from ft_manip_ros.core.planning.collision_model import capsule_model, urdf_model
+from ft_manip_ros.core.planning.link_capsules import capsule_model
 from ft_manip_ros.core.planning.obstacles import Obstacle
 from ft_manip_ros.core.planning.plan import Outcome, PlanStatus
 from ft_manip_ros.core.planning.proof import prove
 from ft_manip_ros.core.planning.replan import plan_task
 from ft_manip_ros.core.planning.settings import PlanSettings
+from ft_manip_ros.core.planning.urdf_bodies import urdf_model
 from ft_manip_ros.core.urdf import chain_from_urdf
 from ft_manip_ros.core.urdf_writer import chain_to_urdf
 from support.chains import coupled_chain, random_posture

@@ -4,18 +4,27 @@ from __future__ import annotations
 
 import numpy as np
 import pinocchio
+from numpy.typing import NDArray
 
 from ft_manip_ros.core.chain import Array
+from ft_manip_ros.core.planning.approach import approaches
+from ft_manip_ros.core.planning.bounding import bounding_bodies
+from ft_manip_ros.core.planning.clearance import NO_ROOM, TOUCH, scan_move, scan_posture
 from ft_manip_ros.core.planning.collision_model import CollisionModel
 
 # Halvings of a move after which what is still too near to tell apart counts as touching.
 _HALVINGS = 12
+# Room for open pieces of a move at first.
+_PIECES = 256
+# What the distance of two bodies may be wrong by: coal ends its search at 1e-6 m.
+_DISTANCE_ERROR = 2e-6
 
 
 class CollisionChecker:
     """Judges postures and straight joint-space moves of one arm among its obstacles.
 
-    Not to be used from two threads at once.
+    Capsules around the bodies settle most pairs in compiled code; the distances of the others
+    are asked of coal. Not to be used from two threads at once.
 
     Parameters
     ----------
@@ -26,12 +35,21 @@ class CollisionChecker:
     def __init__(self, bodies: CollisionModel) -> None:
         self.bodies = bodies
         self._data = bodies.model.createData()
-        self._near = bodies.geometry.createData()
-        for request in self._near.collisionRequests:
-            request.security_margin = bodies.padding
-        self._levels = [bodies.geometry.createData() for _ in range(_HALVINGS + 1)]
-        self._allowed: list[int] = []
-        self._approach = _approaches(bodies)
+        self._places = bodies.geometry.createData()
+        self._bounding = bounding_bodies(bodies)
+        self._approach = approaches(self._bounding, bodies.chain)
+        self._slides = np.zeros(bodies.chain.n)
+        for axis in bodies.chain.axes:
+            self._slides[axis.joint] += abs(axis.ratio) * axis.prismatic
+        self._pairs = [(pair.first, pair.second) for pair in bodies.geometry.collisionPairs]
+        self._padding = np.full(len(self._pairs), bodies.padding)
+        self._checked: NDArray[np.int64] = np.arange(len(self._pairs))
+        self._open = np.zeros(max(_PIECES, len(self._pairs)), dtype=np.int64)
+        self._pieces = np.zeros((len(self._open), 2))
+        # Compiled now, not after a failure.
+        middle = 0.5 * (bodies.chain.lower + bodies.chain.upper)
+        self._box_is_free(middle, middle)
+        self.move_touches(middle, middle)
 
     def allow_at(self, q: Array) -> tuple[tuple[str, str], ...]:
         """Stop checking the arm's own bodies that touch at a posture against each other.
@@ -40,47 +58,24 @@ class CollisionChecker:
         that are wider than the bodies. Obstacles go on being checked. Forgets what an earlier
         call allowed. Returns the names of the pairs.
         """
-        geometry = self.bodies.geometry
-        pairs = [(pair.first, pair.second) for pair in geometry.collisionPairs]
-        datas = [self._near, *self._levels]
-        for k in self._allowed:
-            for data in datas:
-                data.activateCollisionPair(k)
-        full = self.bodies.configuration(q)
-        pinocchio.computeCollisions(
-            self.bodies.model, self._data, geometry, self._near, full, False
-        )
-        results = self._near.collisionResults
+        self._checked = np.arange(len(self._pairs))
         own = self.bodies.own
-        self._allowed = [
-            k
-            for k, (first, second) in enumerate(pairs)
-            if first < own and second < own and results[k].isCollision()
-        ]
-        for k in self._allowed:
-            for data in datas:
-                data.deactivateCollisionPair(k)
-        names = [body.name for body in geometry.geometryObjects]
-        return tuple((names[pairs[k][0]], names[pairs[k][1]]) for k in self._allowed)
+        allowed = [k for k in self._touching_pairs(q) if max(self._pairs[k]) < own]
+        self._checked = np.setdiff1d(self._checked, allowed)
+        return tuple(self._names(k) for k in allowed)
 
     def touches(self, q: Array) -> bool:
         """Tell whether bodies come nearer than the padding at a posture, shape (n,)."""
-        return self._collide(self._near, q)
+        count = self._scan(q, self._padding)
+        if count <= 0:
+            return count == TOUCH
+        self._place(q)
+        return any(self._gap(int(k)) <= 0.0 for k in self._open[:count])
 
     def touching(self, q: Array) -> tuple[str, str] | None:
         """Return the names of two bodies nearer than the padding at a posture, or None."""
-        geometry = self.bodies.geometry
-        full = self.bodies.configuration(q)
-        pinocchio.computeCollisions(
-            self.bodies.model, self._data, geometry, self._near, full, False
-        )
-        results = self._near.collisionResults
-        for k, pair in enumerate(geometry.collisionPairs):
-            # The results of pairs that are let go are old ones.
-            if k not in self._allowed and results[k].isCollision():
-                objects = geometry.geometryObjects
-                return objects[pair.first].name, objects[pair.second].name
-        return None
+        pairs = self._touching_pairs(q)
+        return self._names(pairs[0]) if pairs else None
 
     def move_touches(self, a: Array, b: Array) -> bool:
         """Tell whether anything touches on the straight joint-space move from a to b, (n,).
@@ -89,79 +84,112 @@ class CollisionChecker:
         the joints between them can move the outer one in half the piece. Where all are farther
         apart than that (and the padding), the whole piece is free; else it is halved.
         """
-        if self.touches(a) or self.touches(b):
-            return True
-        # Approach of each pair over the whole move.
-        approach = self._approach @ np.abs(b - a)
-        margins_set = -1
-        pieces = [(0.0, 0)]
-        while pieces:
-            begin, level = pieces.pop()
-            if level > margins_set:
-                half = 0.5 ** (level + 1)
-                margins = self.bodies.padding + half * approach
-                requests = self._levels[level].collisionRequests
-                for request, margin in zip(requests, margins.tolist(), strict=True):
-                    request.security_margin = margin
-                margins_set = level
-            middle = begin + 0.5 ** (level + 1)
-            q = a + middle * (b - a)
-            if not self._collide(self._levels[level], q):
-                continue
-            if level == _HALVINGS or self.touches(q):
-                return True
-            pieces += [(middle, level + 1), (begin, level + 1)]
-        return False
+        chain, padding = self.bodies.chain, self.bodies.padding
+        approach = self._approach_within(np.minimum(a, b), np.maximum(a, b))
+        s, t = chain.axis_positions(a), chain.axis_positions(b)
+        while True:
+            count = scan_move(
+                self._bounding,
+                s,
+                t,
+                self._checked,
+                approach,
+                padding,
+                _HALVINGS,
+                self._pieces,
+                self._open,
+            )
+            if count != NO_ROOM:
+                break
+            self._open = np.zeros(2 * len(self._open), dtype=np.int64)
+            self._pieces = np.zeros((len(self._open), 2))
+        if count <= 0:
+            return count == TOUCH
+        pieces, pairs = self._pieces[:count].tolist(), self._open[:count].tolist()
+        return any(
+            self._piece_touches(a, b, k, float(approach[k]), *piece)
+            for k, piece in zip(pairs, pieces, strict=True)
+        )
 
     def first_touch(self, times: Array, positions: Array) -> float | None:
         """Time (s) from which a motion touches something, or None.
 
         Between two of its samples, (T,) and (T, n), it is taken as straight in joint space.
         """
-        for time, a, b in zip(times, positions, positions[1:], strict=False):
-            if np.any(a != b) and self.move_touches(a, b):
-                return float(time)
+        spans = [(0, len(times) - 1)]
+        while spans:
+            begin, end = spans.pop()
+            part = positions[begin : end + 1]
+            if begin == end or self._box_is_free(part.min(axis=0), part.max(axis=0)):
+                continue
+            if end - begin > 1:
+                middle = (begin + end) // 2
+                spans += [(middle, end), (begin, middle)]
+            elif self.move_touches(part[0], part[1]):
+                return float(times[begin])
         return None
 
-    def _collide(self, data: pinocchio.GeometryData, q: Array) -> bool:
-        full = self.bodies.configuration(q)
-        return bool(
-            pinocchio.computeCollisions(
-                self.bodies.model, self._data, self.bodies.geometry, data, full, True
-            )
+    def _box_is_free(self, low: Array, high: Array) -> bool:
+        """Tell whether capsules prove all postures between two free, joint by joint."""
+        wanted = self.bodies.padding + 0.5 * self._approach_within(low, high)
+        return self._scan(0.5 * (low + high), wanted) == 0
+
+    def _approach_within(self, low: Array, high: Array) -> Array:
+        """How far (m) the bodies of each pair, (P,), approach on a way between two postures."""
+        way = high - low
+        approach = self._approach @ way
+        if self._slides.any():
+            # A frozen joint may have slid beyond its range, and swings what it carries wider.
+            chain = self.bodies.chain
+            beyond = np.maximum(np.maximum(chain.lower - low, high - chain.upper), 0.0)
+            approach += (self._slides @ beyond) * ((self._approach > 0.0) @ way)
+        return np.asarray(approach)
+
+    def _piece_touches(
+        self, a: Array, b: Array, pair: int, approach: float, begin: float, end: float
+    ) -> bool:
+        """Tell whether a pair touches between two parts, 0 to 1, of a move."""
+        pieces = [(begin, end)]
+        while pieces:
+            begin, end = pieces.pop()
+            middle = 0.5 * (begin + end)
+            self._place(a + middle * (b - a))
+            gap = self._gap(pair)
+            if gap <= 0.0:
+                return True
+            # So far on both sides of the middle nothing can touch.
+            free = gap / approach if approach > 0.0 else 1.0
+            if middle - free < begin:
+                continue
+            if end - begin < 0.5**_HALVINGS:
+                return True
+            pieces += [(middle + free, end), (begin, middle - free)]
+        return False
+
+    def _touching_pairs(self, q: Array) -> list[int]:
+        """Pairs nearer than the padding at a posture."""
+        if self._scan(q, self._padding) == 0:
+            return []
+        self._place(q)
+        return [int(k) for k in self._checked if self._gap(int(k)) <= 0.0]
+
+    def _scan(self, q: Array, wanted: Array) -> int:
+        """Pairs that may be nearer than wanted, (P,), written into ``_open``, or `TOUCH`."""
+        s = self.bodies.chain.axis_positions(q)
+        return int(scan_posture(self._bounding, s, self._checked, wanted, self._open))
+
+    def _place(self, q: Array) -> None:
+        bodies = self.bodies
+        pinocchio.updateGeometryPlacements(
+            bodies.model, self._data, bodies.geometry, self._places, bodies.configuration(q)
         )
 
+    def _gap(self, pair: int) -> float:
+        """Distance (m) that a pair is apart where `_place` put it, less the padding."""
+        found = pinocchio.computeDistance(self.bodies.geometry, self._places, pair)
+        return float(found.min_distance) - _DISTANCE_ERROR - self.bodies.padding
 
-def _approaches(bodies: CollisionModel) -> Array:
-    """How far two bodies can approach per joint motion, shape (pairs, n), m per rad or 1.
-
-    A joint that carries just one of a pair moves its points by no more than their distance from
-    the joint, bounded by the placements in between and the body's own size.
-    """
-    model, geometry, chain = bodies.model, bodies.geometry, bodies.chain
-    axes = chain.uncoupled.joints
-    columns = {model.getJointId(axis.name): i for i, axis in enumerate(axes)}
-    own = np.zeros((len(geometry.geometryObjects), len(axes)))
-    for k, body in enumerate(geometry.geometryObjects):
-        body.geometry.computeLocalAABB()
-        centre = body.placement.act(body.geometry.aabb_center)
-        reach = float(np.linalg.norm(centre)) + float(body.geometry.aabb_radius)
-        joint = body.parentJoint
-        while joint > 0:
-            i = columns.get(joint)
-            sliding = i is not None and axes[i].prismatic
-            if i is not None:
-                own[k, i] = 1.0 if sliding else reach
-            reach += float(np.linalg.norm(model.jointPlacements[joint].translation))
-            if i is not None and sliding:
-                reach += max(abs(axes[i].lower), abs(axes[i].upper)) + abs(chain.axes[i].offset)
-            joint = model.parents[joint]
-    rows = []
-    for pair in geometry.collisionPairs:
-        a, b = own[pair.first], own[pair.second]
-        # Joints that carry both do not move one against the other.
-        rows.append(np.where((a > 0.0) & (b > 0.0), 0.0, a + b))
-    motion = np.zeros((len(axes), chain.n))
-    for i, axis in enumerate(chain.axes):
-        motion[i, axis.joint] = abs(axis.ratio)
-    return np.array(rows).reshape(-1, len(axes)) @ motion
+    def _names(self, pair: int) -> tuple[str, str]:
+        objects = self.bodies.geometry.geometryObjects
+        first, second = self._pairs[pair]
+        return objects[first].name, objects[second].name

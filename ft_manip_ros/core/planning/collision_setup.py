@@ -8,8 +8,9 @@ from ft_manip_ros.core.chain import SerialChain
 from ft_manip_ros.core.config_files import find_config
 from ft_manip_ros.core.errors import InputError
 from ft_manip_ros.core.planning.collision import CollisionChecker
-from ft_manip_ros.core.planning.collision_model import capsule_model, urdf_model
+from ft_manip_ros.core.planning.link_capsules import capsule_model
 from ft_manip_ros.core.planning.obstacles import load_obstacles
+from ft_manip_ros.core.planning.urdf_bodies import urdf_model
 
 
 @dataclass(frozen=True)

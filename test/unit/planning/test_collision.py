@@ -15,12 +15,13 @@ from ft_manip_ros.core.goal import Goal
 from ft_manip_ros.core.joint import Joint
 from ft_manip_ros.core.kinematics import fk
 from ft_manip_ros.core.planning.collision import CollisionChecker
-from ft_manip_ros.core.planning.collision_model import capsule_model, urdf_model
+from ft_manip_ros.core.planning.link_capsules import capsule_model
 from ft_manip_ros.core.planning.obstacles import Obstacle, load_obstacles
 from ft_manip_ros.core.planning.plan import Outcome, PlanStatus
 from ft_manip_ros.core.planning.proof import needs_proof
 from ft_manip_ros.core.planning.replan import plan_task
 from ft_manip_ros.core.planning.settings import PlanSettings, Policy
+from ft_manip_ros.core.planning.urdf_bodies import urdf_model
 from support.chains import REAL_ARMS
 
 

@@ -8,8 +8,8 @@ import pytest
 from ft_manip_ros.core.arm_file import load_arm
 from ft_manip_ros.core.goal import Task
 from ft_manip_ros.core.planning.collision import CollisionChecker
-from ft_manip_ros.core.planning.collision_model import capsule_model
 from ft_manip_ros.core.planning.executive import Executive
+from ft_manip_ros.core.planning.link_capsules import capsule_model
 from ft_manip_ros.core.planning.plan import PlanStatus
 from ft_manip_ros.core.task_file import load_task
 

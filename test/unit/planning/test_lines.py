@@ -11,7 +11,7 @@ from ft_manip_ros.core.arm_file import load_arm
 from ft_manip_ros.core.goal import Goal
 from ft_manip_ros.core.kinematics import fk
 from ft_manip_ros.core.planning.collision import CollisionChecker
-from ft_manip_ros.core.planning.collision_model import capsule_model
+from ft_manip_ros.core.planning.link_capsules import capsule_model
 from ft_manip_ros.core.planning.obstacles import load_obstacles
 from ft_manip_ros.core.planning.plan import Outcome, PlanStatus
 from ft_manip_ros.core.planning.replan import plan_task
