@@ -15,7 +15,7 @@ from ft_manip_ros.core.planning import timing
 from ft_manip_ros.core.planning.collision import CollisionChecker
 from ft_manip_ros.core.planning.limits import MotionLimits, travel
 from ft_manip_ros.core.planning.lines import Lines
-from ft_manip_ros.core.planning.margins import posture_margin
+from ft_manip_ros.core.planning.margins import posture_margins
 from ft_manip_ros.core.planning.moves import Moves
 from ft_manip_ros.core.planning.ordering import fastest_order, safest_order
 from ft_manip_ros.core.planning.sequence import straight_time
@@ -216,8 +216,7 @@ def _first_times(
 ) -> Array:
     """Time (s) from the moving state to each posture, (K, m); straight after a stop if any."""
     if halt is None:
-        times = [timing.arrival_time(q, v, target, limits, braking) for target in group]
-        return np.array(times)
+        return timing.arrival_times(q, v, group, limits, braking)
     rates = (limits.unlimited, limits.velocity, limits.acceleration, limits.jerk)
     return np.array([halt.duration + straight_time(rest, target, *rates) for target in group])
 
@@ -238,10 +237,7 @@ def _ordered(
         names = {chain.joint_names[i] for i in range(chain.n)} - {
             chain.joint_names[i] for i in healthy
         }
-        margins = [
-            max(posture_margin(chain, q, names) for q in finding.postures.q)
-            for finding in findings
-        ]
+        margins = [posture_margins(chain, finding.postures.q, names).max() for finding in findings]
         order = safest_order(np.array(margins))
     else:
         rates = (limits.unlimited, limits.velocity, limits.acceleration, limits.jerk)
@@ -256,7 +252,8 @@ def folded(postures: Array, near: Array, limits: MotionLimits) -> Array:
     moved = near + travel(near, postures, turning)
     over = turning & ~limits.unlimited & (moved > limits.upper)
     under = turning & ~limits.unlimited & (moved < limits.lower)
-    return moved - FULL_TURN * over + FULL_TURN * under
+    # Kernels are compiled for whole rows.
+    return np.ascontiguousarray(moved - FULL_TURN * over + FULL_TURN * under)
 
 
 def limit_closeness(postures: Array, limits: MotionLimits) -> Array:

@@ -22,6 +22,8 @@ _START_SLACK = 1e-6
 # Halvings of a segment whose hull leaves the range before that counts; each makes the hull four
 # times tighter.
 _HALVINGS = 6
+# Seconds in a message are of 32 bits.
+_LONGEST = 2**31 - 1
 
 
 def check_trajectory(
@@ -72,6 +74,8 @@ def check_trajectory(
     times = trajectory.times
     if times[0] < 0.0 or np.any(np.diff(times) <= 0.0):
         return ('time stamps do not grow strictly from a first one of 0 or more',)
+    if times[-1] > _LONGEST:
+        return (f'lasts {times[-1]:.3g} s, a message can say {_LONGEST} s',)
     problems = _frozen_problems(trajectory, frozen)
     healthy = np.array(
         [i for i, name in enumerate(chain.joint_names) if name not in frozen], dtype=np.intp

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from itertools import accumulate
 
 import numpy as np
-import ruckig
 
 from ft_manip_ros.core.chain import Array
 from ft_manip_ros.core.planning.limits import MotionLimits, travel
+from ft_manip_ros.core.planning.ruckig_solver import Solution, calculate, solve
 
 # Time stamps of ROS messages are whole nanoseconds; states are sampled at exactly those times.
 TICK = 1e-9
@@ -20,6 +19,8 @@ SHORTEST_STEP = 2e-5
 _SMALLEST_WAY = 1e-9
 # Slower than this (rad/s or m/s) is at rest.
 _AT_REST = 1e-9
+# Samples in a motion that needs no more, however long it is.
+_MOST_SAMPLES = 2000
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,16 +57,14 @@ def stop(q: Array, v: Array, limits: MotionLimits, period: float) -> Motion:
     period
         Longest time between samples (s).
     """
-    given = ruckig.InputParameter(len(q))
-    given.control_interface = ruckig.ControlInterface.Velocity
-    given.synchronization = ruckig.Synchronization.No
-    _fill(given, q, v, limits)
-    return _solved(given, period)
+    return _sampled(solve(q, v, limits), len(q), period)
 
 
 def stopping_range(q: Array, v: Array, limits: MotionLimits) -> tuple[Array, Array]:
     """Lowest and highest position, each (m,), that the start state makes unavoidable."""
-    end = stop(q, v, limits, 1.0).positions[-1]
+    if not len(q):
+        return q, q
+    end = solve(q, v, limits).end
     return np.minimum(q, end), np.maximum(q, end)
 
 
@@ -85,7 +84,7 @@ def move_from(
     way = travel(q, target, limits.unlimited)
     if not np.any(np.abs(v) > _AT_REST):
         return move_between(q, q + way, limits, period)
-    direct = _direct(q, v, q + way, limits, braking)
+    direct = _direct(q, v, q + way, limits, stopping_range(q, v, braking))
     if direct is not None:
         return _sampled(direct, len(q), period)
     halt = stop(q, v, braking, period)
@@ -94,36 +93,36 @@ def move_from(
     return joined([halt, go])
 
 
-def arrival_time(
-    q: Array, v: Array, target: Array, limits: MotionLimits, braking: MotionLimits
-) -> float:
-    """Duration (s) of `move_from`, without its samples."""
-    way = travel(q, target, limits.unlimited)
-    if np.any(np.abs(v) > _AT_REST):
-        direct = _direct(q, v, q + way, limits, braking)
-        if direct is not None:
-            return float(direct.duration)
-    return move_from(q, v, target, limits, braking, 10.0).duration
+def arrival_times(
+    q: Array, v: Array, targets: Array, limits: MotionLimits, braking: MotionLimits
+) -> Array:
+    """Durations (s) of `move_from` to each of K targets, (K, m), without the samples."""
+    moving = bool(np.any(np.abs(v) > _AT_REST))
+    unavoidable = stopping_range(q, v, braking)
+    times = []
+    for target in targets:
+        end = q + travel(q, target, limits.unlimited)
+        direct = _direct(q, v, end, limits, unavoidable) if moving else None
+        if direct is None:
+            times.append(move_from(q, v, target, limits, braking, 10.0).duration)
+        else:
+            times.append(direct.duration)
+    return np.array(times)
 
 
 def _direct(
-    q: Array, v: Array, target: Array, limits: MotionLimits, braking: MotionLimits
-) -> ruckig.Trajectory | None:
+    q: Array, v: Array, target: Array, limits: MotionLimits, unavoidable: tuple[Array, Array]
+) -> Solution | None:
     """Fastest motion from the moving state to the target; None where it would leave a range."""
-    given = ruckig.InputParameter(len(q))
-    _fill(given, q, v, limits)
-    given.target_position = list(target)
-    found = ruckig.Trajectory(len(q))
-    if ruckig.Ruckig(len(q)).calculate(given, found) != ruckig.Result.Working:
+    found = calculate(q, v, limits, target)
+    if found is None:
         return None
-    low, high = stopping_range(q, v, braking)
-    low = np.minimum(low, limits.lower) - _SMALLEST_WAY
-    high = np.maximum(high, limits.upper) + _SMALLEST_WAY
-    for i, profile in enumerate(found.profiles[0]):
+    low = np.minimum(unavoidable[0], limits.lower) - _SMALLEST_WAY
+    high = np.maximum(unavoidable[1], limits.upper) + _SMALLEST_WAY
+    for i, times in enumerate(found.turns()):
         if limits.unlimited[i]:
             continue
-        turns = [found.at_time(time)[0][i] for time in _turning_times(profile)]
-        if any(not low[i] <= position <= high[i] for position in turns):
+        if any(not low[i] <= found.at(time)[0][i] <= high[i] for time in times):
             return None
     return found
 
@@ -135,14 +134,16 @@ def move_between(q: Array, target: Array, limits: MotionLimits, period: float) -
     if longest < _SMALLEST_WAY:
         zero = np.zeros((1, len(q)))
         return Motion(np.zeros(1), q[None, :].copy(), zero, zero)
-    given = ruckig.InputParameter(1)
     moving = np.abs(way) > _SMALLEST_WAY * longest
     part = np.abs(way[moving])
-    given.current_position, given.target_position = [0.0], [1.0]
-    given.max_velocity = [float(np.min(limits.velocity[moving] / part))]
-    given.max_acceleration = [float(np.min(limits.acceleration[moving] / part))]
-    given.max_jerk = [float(np.min(limits.jerk[moving] / part))]
-    line = _solved(given, period)
+    rates = [
+        np.array([np.min(rate[moving] / part)])
+        for rate in (limits.velocity, limits.acceleration, limits.jerk)
+    ]
+    begin, end, none = np.zeros(1), np.ones(1), np.zeros(1, dtype=np.bool_)
+    line = _sampled(
+        solve(begin, begin, MotionLimits(begin, end, none, none, *rates), end), 1, period
+    )
     return Motion(
         line.times,
         q + line.positions * way,
@@ -174,30 +175,14 @@ def joined(parts: list[Motion]) -> Motion:
     )
 
 
-def _fill(given: ruckig.InputParameter, q: Array, v: Array, limits: MotionLimits) -> None:
-    given.current_position = list(q)
-    given.current_velocity = list(v)
-    given.max_velocity = list(limits.velocity)
-    given.max_acceleration = list(limits.acceleration)
-    given.max_jerk = list(limits.jerk)
-
-
-def _solved(given: ruckig.InputParameter, period: float) -> Motion:
-    m = given.degrees_of_freedom
-    found = ruckig.Trajectory(m)
-    result = ruckig.Ruckig(m).calculate(given, found)
-    if result != ruckig.Result.Working:
-        raise ArithmeticError(f'Ruckig found no motion for {given}: {result}')
-    return _sampled(found, m, period)
-
-
-def _sampled(found: ruckig.Trajectory, m: int, period: float) -> Motion:
-    duration = math.ceil(found.duration / TICK) * TICK
+def _sampled(solution: Solution, m: int, period: float) -> Motion:
+    duration = math.ceil(solution.duration / TICK) * TICK
+    period = max(period, duration / _MOST_SAMPLES)
     switches = [k * period for k in range(1, math.ceil(duration / period))]
-    for profile in found.profiles[0]:
-        switches += accumulate([*profile.brake.t, *profile.t, *profile.accel.t])
-        # Turning points too: there the hull of a spline touches the motion, so checks are tight.
-        switches += _turning_times(profile)
+    switches += solution.switches()
+    # Turning points too: there the hull of a spline touches the motion, so checks are tight.
+    for times_of_joint in solution.turns():
+        switches += times_of_joint
     times = [0.0]
     for tick in sorted({round(switch / TICK) for switch in switches}):
         time = tick * TICK
@@ -205,39 +190,5 @@ def _sampled(found: ruckig.Trajectory, m: int, period: float) -> Motion:
             times.append(time)
     if duration > 0.0:
         times.append(duration)
-    states = np.array([found.at_time(time)[:3] for time in times]).reshape(len(times), 3, m)
+    states = np.array([solution.at(time) for time in times]).reshape(len(times), 3, m)
     return Motion(np.array(times), states[:, 0], states[:, 1], states[:, 2])
-
-
-def _turning_times(profile: ruckig.Profile) -> list[float]:
-    """Times (s) at which a joint's speed passes zero.
-
-    Ruckig's own ``position_extrema`` overlooks those in phases of constant acceleration.
-    """
-    times = []
-    begin = 0.0
-    for part in (profile.brake, profile, profile.accel):
-        speeds, rates = part.v, part.a
-        for k, (j, length) in enumerate(zip(part.j, part.t, strict=True)):
-            v, a = speeds[k], rates[k]
-            v_end, a_end = v + (a + 0.5 * j * length) * length, a + j * length
-            if v * v_end > 0.0 and a * a_end >= 0.0:
-                begin += length
-                continue
-            for root in _roots(0.5 * j, a, v):
-                if 0.0 < root < length:
-                    times.append(begin + root)
-            begin += length
-    return times
-
-
-def _roots(c2: float, c1: float, c0: float) -> tuple[float, ...]:
-    """Real roots of c2 t^2 + c1 t + c0."""
-    if c2 == 0.0:
-        return () if c1 == 0.0 else (-c0 / c1,)
-    inside = c1 * c1 - 4.0 * c2 * c0
-    if inside < 0.0:
-        return ()
-    # The larger one first, free of cancellation.
-    q = -0.5 * (c1 + math.copysign(math.sqrt(inside), c1))
-    return (0.0, 0.0) if q == 0.0 else (q / c2, c0 / q)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -102,6 +104,26 @@ def test_point_off_the_plane_is_proved_lost():
     lost = prove(arm, found, SETTINGS).plan.outcomes[0]
     assert lost.outcome == Outcome.LOST
     assert lost.margin == pytest.approx(0.2)
+
+
+def creeping(speed):
+    joints = tuple(Joint(f'j{i}', -3.0, 3.0, velocity=speed, acceleration=speed) for i in (0, 1))
+    return replace(planar([1.0, 1.0]), joints=joints)
+
+
+def test_a_motion_of_hours_is_planned_and_one_of_centuries_refused():
+    goals, velocity = [Goal([0.0, 1.5, 0.0])], np.array([1.0, -0.5])
+    arm = creeping(1e-5)
+    found = plan(arm, goals, start=np.array([0.1, 0.2]), velocity=0.5e-5 * velocity)
+    assert found.status == PlanStatus.FINISHES
+    assert 7600.0 < found.outcomes[0].arrival < found.trajectory.duration < 1e6
+    at, _ = found.trajectory.path().sample(found.outcomes[0].arrival)
+    np.testing.assert_allclose(fk(arm, at)[1], [0.0, 1.5, 0.0], atol=1e-6)
+    found = plan(creeping(1e-10), goals, start=np.array([0.1, 0.2]))
+    assert found.status == PlanStatus.REFUSED
+    assert 'a message can say' in found.reason
+    # What is sent instead is the stop.
+    assert np.ptp(found.trajectory.positions, axis=0).max() < 1e-6
 
 
 def test_too_small_a_budget_leaves_it_undecided():

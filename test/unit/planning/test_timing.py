@@ -86,7 +86,7 @@ def test_flying_start_reaches_the_target_within_the_range():
     _, high = timing.stopping_range(q, v, bound)
     assert motion.positions[-1, 0] == pytest.approx(-0.5, abs=1e-9)
     assert motion.positions.max() <= max(1.0, high[0]) + 1e-9
-    assert timing.arrival_time(q, v, np.array([-0.5]), bound, bound) == pytest.approx(
+    assert timing.arrival_times(q, v, np.array([[-0.5]]), bound, bound) == pytest.approx(
         motion.duration, abs=1e-8
     )
 
@@ -114,3 +114,33 @@ def test_joined_motions_do_not_jump():
     np.testing.assert_allclose(ticks, np.round(ticks), atol=1e-3)
     step = np.abs(np.diff(motion.positions, axis=0)) / np.diff(motion.times)[:, None]
     assert step.max() <= 1.0 + 1e-6
+
+
+@pytest.mark.parametrize('speed', [1e-3, 1e-4, 1e-6])
+def test_motion_of_days_is_timed_like_any_other(speed):
+    # Ruckig itself gives up beyond 7600 s.
+    bound = limits(2, velocity=speed, acceleration=speed / 100.0, jerk=speed / 1000.0)
+    q, v, target = np.array([0.1, -0.2]), np.array([0.5, -0.3]) * speed, np.array([1.9, 1.5])
+    motion = timing.move_from(q, v, target, bound, bound, 0.05)
+    assert motion.duration > 1.8 / speed
+    assert motion.duration == pytest.approx(1.8 / speed, rel=0.3 if speed > 1e-4 else 0.1)
+    np.testing.assert_allclose(motion.velocities[0], v)
+    np.testing.assert_allclose(motion.positions[-1], target, atol=1e-9)
+    np.testing.assert_allclose(motion.velocities[-1], 0.0, atol=1e-9 * speed)
+    assert np.abs(motion.velocities).max() <= speed * (1.0 + 1e-9)
+    assert np.abs(motion.accelerations).max() <= 0.01 * speed * (1.0 + 1e-9)
+    # No more samples than anybody can use, at growing times.
+    assert len(motion.times) < 3000
+    assert np.all(np.diff(motion.times) > 0.0)
+    straight = timing.move_between(q, target, bound, 0.05)
+    assert straight.duration == pytest.approx(
+        rest_to_rest_time(1.8, speed, speed / 100.0, speed / 1000.0), rel=1e-9
+    )
+
+
+def test_stop_of_hours_brakes_in_the_textbook_way():
+    bound = limits(2, acceleration=1e-5, jerk=1e-6)
+    motion = timing.stop(np.zeros(2), np.array([0.8, -0.3]), bound, 0.05)
+    assert motion.duration == pytest.approx(0.8e5 + 10.0, rel=1e-9)
+    assert motion.positions[-1, 0] == pytest.approx(0.8 * (0.8e5 + 10.0) / 2.0, rel=1e-9)
+    assert motion.positions[-1, 1] == pytest.approx(-0.3 * (0.3e5 + 10.0) / 2.0, rel=1e-9)
