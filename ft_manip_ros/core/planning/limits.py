@@ -145,5 +145,7 @@ def joint_limits_yaml(chain: SerialChain, frozen: Mapping[str, float]) -> str:
 def travel(start: Array, end: Array, unlimited: NDArray[np.bool_]) -> Array:
     """Signed way from ``start`` to ``end``, (..., n): the short way round where ``unlimited``."""
     way = end - start
+    if not unlimited.any():
+        return np.asarray(way)
     turns = np.round(way / FULL_TURN) * FULL_TURN
     return np.where(unlimited, way - turns, way)

@@ -44,18 +44,22 @@ def tool_uncertainty(chain: SerialChain, q: Array, sigma: Mapping[str, float]) -
     return float(np.sqrt(variance))
 
 
-def posture_margin(chain: SerialChain, q: Array, frozen: Collection[str]) -> float:
-    """Distance (m) that the tool could move any way before a healthy joint meets its limit.
+def posture_margins(chain: SerialChain, qs: Array, frozen: Collection[str]) -> Array:
+    """Distances (m) that the tool could move any way before a healthy joint meets its limit.
 
-    To first order, by the smallest joint motion; 0 at a singular posture.
+    To first order, by the smallest joint motion; 0 at a singular posture. One for each of the
+    postures ``qs``, (K, n).
     """
     healthy = [i for i, name in enumerate(chain.joint_names) if name not in frozen]
-    moves = jacobian(chain, q)[:3, healthy]
+    moves = jacobian(chain, qs)[:, :3, healthy]
     _, sizes, directions = np.linalg.svd(moves, full_matrices=False)
-    if len(sizes) < 3 or sizes[2] <= _SINGULAR * max(sizes[0], 1.0):
-        return 0.0
+    if sizes.shape[1] < 3:
+        return np.zeros(len(qs))
+    singular = sizes[:, 2] <= _SINGULAR * np.maximum(sizes[:, 0], 1.0)
     # Rows of the pseudo-inverse: what each joint does for a metre of tool motion.
-    effort = np.linalg.norm(directions / sizes[:, None], axis=0)
-    slack = np.minimum(q - chain.lower, chain.upper - q)[healthy]
-    slack = np.where(chain.arrays.wraps[healthy], np.inf, np.maximum(slack, 0.0))
-    return float(np.min(slack / np.maximum(effort, 1e-12)))
+    sizes = np.where(singular[:, None], 1.0, sizes)
+    effort = np.linalg.norm(directions / sizes[:, :, None], axis=1)
+    slack = np.maximum(np.minimum(qs - chain.lower, chain.upper - qs)[:, healthy], 0.0)
+    slack[:, chain.arrays.wraps[healthy]] = np.inf
+    margins = np.min(slack / np.maximum(effort, 1e-12), axis=1)
+    return np.asarray(np.where(singular, 0.0, margins))

@@ -148,7 +148,8 @@ def find_postures(
         Of the random starts.
     """
     n = near.shape[1]
-    rotation = _NO_ROTATION if goal.orientation is None else goal.orientation
+    # A copy, since a read-only array is a type of its own: the kernel would be compiled again.
+    rotation = np.array(_NO_ROTATION if goal.orientation is None else goal.orientation)
     found, best, q = np.empty((settings.postures, n)), near[0].copy(), np.empty(n)
     control = ik_control(
         IkSettings(settings.ik_tolerance, settings.ik_orientation_tolerance, restarts=0)

@@ -24,7 +24,7 @@ from ft_manip_ros.core.planning.limits import (
 from ft_manip_ros.core.planning.lines import straighten
 from ft_manip_ros.core.planning.plan import Outcome, Plan, PlanStatus
 from ft_manip_ros.core.planning.refutation import SIGMAS
-from ft_manip_ros.core.planning.reporting import describe, outcome_of
+from ft_manip_ros.core.planning.reporting import describe, outcomes_of
 from ft_manip_ros.core.planning.route import Route, plan_route, stop_route, touch_while_stopping
 from ft_manip_ros.core.planning.safety import check_trajectory
 from ft_manip_ros.core.planning.settings import PlanSettings, Policy
@@ -148,10 +148,7 @@ def plan_task(
         # What the controller follows now may command the joint that failed: stopping is safer.
         route, pause = stopping, 0.0
         motion, problems = _checked(chain, route, healthy, start, start_velocity, frozen, limits)
-    outcomes = tuple(
-        outcome_of(chain, finding, route.visits.get(finding.index), frozen, sigma)
-        for finding in findings
-    )
+    outcomes = outcomes_of(chain, findings, route.visits, frozen, sigma)
     status, reason = describe(outcomes, why_not)
     if allowed:
         pairs = ', '.join(f'{a} and {b}' for a, b in allowed)

@@ -4,34 +4,58 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from ft_manip_ros.core.chain import SerialChain
-from ft_manip_ros.core.planning.margins import posture_margin, tool_errors, tool_uncertainty
+import numpy as np
+
+from ft_manip_ros.core.chain import Array, SerialChain
+from ft_manip_ros.core.planning.margins import (
+    posture_margins,
+    tool_errors,
+    tool_uncertainty,
+)
 from ft_manip_ros.core.planning.plan import GoalOutcome, Outcome, PlanStatus
 from ft_manip_ros.core.planning.route import Visit
 from ft_manip_ros.core.planning.triage import Finding
 
 
-def outcome_of(
+def outcomes_of(
+    chain: SerialChain,
+    findings: Sequence[Finding],
+    visits: Mapping[int, Visit],
+    frozen: Mapping[str, float],
+    sigma: Mapping[str, float],
+) -> tuple[GoalOutcome, ...]:
+    """Outcome of each goal; ``visits`` are those of the motion, by place of the goal."""
+    postures = []
+    for finding in findings:
+        visit, found = visits.get(finding.index), finding.postures
+        postures.append(visit.posture if visit else [*found.q[:1], found.best][0])
+    margins = posture_margins(chain, np.array(postures).reshape(-1, chain.n), frozen)
+    return tuple(
+        _outcome(chain, finding, visits.get(finding.index), q, float(margin), sigma)
+        for finding, q, margin in zip(findings, postures, margins, strict=True)
+    )
+
+
+def _outcome(
     chain: SerialChain,
     finding: Finding,
     visit: Visit | None,
-    frozen: Mapping[str, float],
+    q: Array,
+    margin: float,
     sigma: Mapping[str, float],
 ) -> GoalOutcome:
-    """Outcome of one goal; ``visit`` is None where the motion does not go there."""
+    """Outcome of one goal by its posture; ``visit`` is None where the motion does not go there."""
     relaxation = '' if finding.relaxation is None else finding.relaxation.value
-    found = finding.postures
-    q = visit.posture if visit else (found.q[0] if len(found.q) else found.best)
     position_error, orientation_error = tool_errors(chain, q, finding.relaxed)
-    margin = finding.miss
     uncertainty = tool_uncertainty(chain, q, sigma)
     reason = finding.reason
-    if len(found.q):
-        margin = posture_margin(chain, q, frozen)
+    if len(finding.postures.q):
         if 2.0 * uncertainty > finding.goal.position_tolerance:
             reason += f'; the frozen position is known to +-{uncertainty:.2g} m at the tool only'
         if visit is None:
             reason += '; not visited'
+    else:
+        margin = finding.miss
     return GoalOutcome(
         finding.goal,
         finding.index,

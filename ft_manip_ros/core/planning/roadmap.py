@@ -164,7 +164,7 @@ class Roadmap:
 
     def _lengths(self, a: Array, b: Array) -> Array:
         way = travel(a, b, self._limits.unlimited) / self._span
-        return np.asarray(np.sqrt(np.sum(way * way, axis=-1)))
+        return np.asarray(np.sqrt(np.einsum('...i,...i', way, way)))
 
     def _shortest(self, starts: Sequence[int], ends: Sequence[int]) -> list[int]:
         """Nodes of the shortest way along the links (Dijkstra)."""
