@@ -18,6 +18,7 @@ from ft_manip_ros.core.design.problem import design_problem
 from ft_manip_ros.core.detection import warm_up as detection
 from ft_manip_ros.core.ftws import query as ftws
 from ft_manip_ros.core.planning import warm_up as planning
+from ft_manip_ros.core.planning.collision_setup import CollisionOptions, make_checker
 from ft_manip_ros.core.planning.settings import PlanSettings
 from ft_manip_ros.core.task_file import load_task
 
@@ -34,6 +35,7 @@ def compile_the_rest() -> None:
     for mode in ('position', 'pose', 'dextrous'):
         ftws.warm_up(arm, mode=mode)
     planning.warm_up(arm, PlanSettings())
+    make_checker(arm, arm.name, None, CollisionOptions(link_radius=0.04))
 
 
 def main() -> None:
