@@ -14,7 +14,8 @@ from bench.pinocchio_lm import PinocchioLm
 from ft_manip_ros.core.arm_file import load_arm
 from ft_manip_ros.core.chain import Array, SerialChain
 from ft_manip_ros.core.goal import Goal
-from ft_manip_ros.core.ik import IkSettings, solve_ik, solve_ik_batch
+from ft_manip_ros.core.ik import solve_ik, solve_ik_batch
+from ft_manip_ros.core.ik_settings import IkSettings
 from ft_manip_ros.core.kinematics import fk
 from ft_manip_ros.core.pinocchio_model import model_from_chain
 

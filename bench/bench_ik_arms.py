@@ -15,7 +15,8 @@ from bench.ik_rivals import PATIENCE, RIVALS, TOLERANCE, Solver
 from ft_manip_ros.core.arm_file import load_arm
 from ft_manip_ros.core.chain import Array, SerialChain
 from ft_manip_ros.core.goal import Goal
-from ft_manip_ros.core.ik import IkSettings, solve_ik
+from ft_manip_ros.core.ik import solve_ik
+from ft_manip_ros.core.ik_settings import IkSettings
 from ft_manip_ros.core.kinematics import fk
 
 PROBLEMS = 200

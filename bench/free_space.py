@@ -10,7 +10,8 @@ from scipy import ndimage
 
 from ft_manip_ros.core.chain import Array, SerialChain
 from ft_manip_ros.core.goal import Goal
-from ft_manip_ros.core.ik import IkSettings, solve_ik_batch
+from ft_manip_ros.core.ik import solve_ik_batch
+from ft_manip_ros.core.ik_settings import IkSettings
 from ft_manip_ros.core.planning.collision import CollisionChecker
 
 # Postures of each healthy joint, random starts for the postures of a goal, and joints beyond

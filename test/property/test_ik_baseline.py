@@ -7,8 +7,8 @@ import pinocchio
 
 from bench.pinocchio_lm import PinocchioLm
 from ft_manip_ros.core.arm_file import load_arm
-from ft_manip_ros.core.ik import IkSettings, ik_control
 from ft_manip_ros.core.ik_kernels import descend
+from ft_manip_ros.core.ik_settings import IkSettings, ik_control
 from ft_manip_ros.core.ik_types import CONVERGED, POSITION, ik_work
 from ft_manip_ros.core.kinematics import fk
 from ft_manip_ros.core.pinocchio_model import model_from_chain

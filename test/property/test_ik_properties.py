@@ -9,7 +9,8 @@ from scipy.optimize import least_squares
 from ft_manip_ros.core.arm_file import load_arm
 from ft_manip_ros.core.chain import SerialChain
 from ft_manip_ros.core.goal import Goal
-from ft_manip_ros.core.ik import IkSettings, solve_ik, solve_ik_batch
+from ft_manip_ros.core.ik import solve_ik, solve_ik_batch
+from ft_manip_ros.core.ik_settings import IkSettings
 from ft_manip_ros.core.kinematics import fk
 from support.chains import REAL_ARMS, random_chain, random_posture
 

@@ -8,7 +8,8 @@ import pytest
 from ft_manip_ros.core.arm_file import load_arm
 from ft_manip_ros.core.errors import InputError
 from ft_manip_ros.core.goal import Goal
-from ft_manip_ros.core.ik import IkSettings, solve_ik, solve_ik_batch
+from ft_manip_ros.core.ik import solve_ik, solve_ik_batch
+from ft_manip_ros.core.ik_settings import IkSettings
 from ft_manip_ros.core.ik_types import splitmix, uniform, wrap_near
 from ft_manip_ros.core.kinematics import fk
 

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from ft_manip_ros.core.chain import Array, ChainArrays
 from ft_manip_ros.core.goal import Goal
-from ft_manip_ros.core.ik import IkSettings, ik_control, ik_mode
 from ft_manip_ros.core.ik_kernels import descend
+from ft_manip_ros.core.ik_settings import IkSettings, ik_control, ik_mode
 from ft_manip_ros.core.ik_settle import settle
 from ft_manip_ros.core.ik_types import (
     CONVERGED,
