@@ -77,6 +77,11 @@ class CollisionChecker:
         pairs = self._touching_pairs(q)
         return self._names(pairs[0]) if pairs else None
 
+    def what_touches(self, *postures: Array) -> str:
+        """Name two bodies that touch in the first of some postures in which any do."""
+        pair = next((pair for q in postures if (pair := self.touching(q))), ('bodies',))
+        return f'{" and ".join(pair)} touch'
+
     def move_touches(self, a: Array, b: Array) -> bool:
         """Tell whether anything touches on the straight joint-space move from a to b, (n,).
 

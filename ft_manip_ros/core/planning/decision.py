@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from ft_manip_ros.core.planning.plan import Plan
@@ -65,3 +66,17 @@ class Visited:
     stamp: int
     position_error: float
     orientation_error: float
+
+
+def cause_of(frozen: Mapping[str, float], cleared: Sequence[str], runaway: Sequence[str]) -> str:
+    """Say why a changed fault state makes a new plan necessary.
+
+    Parameters
+    ----------
+    frozen
+        Positions (rad or m) of the joints that were not frozen before, by name.
+    """
+    changes = [f'{name} frozen at {at:.4f}' for name, at in frozen.items()]
+    changes += [f'{name} cleared' for name in cleared]
+    changes += [f'{name} runs away' for name in runaway]
+    return ', '.join(changes) or 'a frozen position was corrected'

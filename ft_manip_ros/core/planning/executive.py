@@ -3,35 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 
-from ft_manip_ros.core.chain import Array, SerialChain
+from ft_manip_ros.core.chain import SerialChain
 from ft_manip_ros.core.errors import InputError
-from ft_manip_ros.core.goal import Goal, Task
+from ft_manip_ros.core.goal import Task
 from ft_manip_ros.core.planning.collision import CollisionChecker
-from ft_manip_ros.core.planning.decision import Decision, ExecutiveSettings, Visited
+from ft_manip_ros.core.planning.decision import Decision, ExecutiveSettings, Visited, cause_of
 from ft_manip_ros.core.planning.handover import Handover
-from ft_manip_ros.core.planning.margins import tool_errors
 from ft_manip_ros.core.planning.measured import MeasuredStates
+from ft_manip_ros.core.planning.progress import SECOND, Progress
 from ft_manip_ros.core.planning.proof import Proof
 from ft_manip_ros.core.planning.replan import plan_task
 from ft_manip_ros.core.planning.settings import PlanSettings
 from ft_manip_ros.core.planning.trajectory import Trajectory
 
-_SECOND = 1_000_000_000
 # States that may be passed over as too old before one is planned from all the same.
 _PASSED_OVER = 20
-
-
-@dataclass(eq=False)
-class _Progress:
-    task: Task
-    remaining: list[int]
-    arrivals: dict[int, int] = field(default_factory=dict)
-    goals: dict[int, Goal] = field(default_factory=dict)
-    hints: dict[int, Array] = field(default_factory=dict)
 
 
 class Executive:
@@ -75,7 +65,7 @@ class Executive:
         self._clock = clock
         self._send_stop = send_stop
         self._states = MeasuredStates(chain, self.watching.velocity_window)
-        self._progress: _Progress | None = None
+        self._progress: Progress | None = None
         self._waiting: str | None = None
         self._passed_over = 0
         self._retries = 0
@@ -102,7 +92,7 @@ class Executive:
         Returns None where no usable state has been measured yet: the plan is then made with the
         first one.
         """
-        self._progress = _Progress(task, list(range(len(task.goals))))
+        self._progress = Progress(task)
         self._retries = 0
         return self._decide(f'task {task.name!r}')
 
@@ -126,7 +116,8 @@ class Executive:
             velocities = {**velocities, **dict.fromkeys(self.frozen, 0.0)}
         if not self._states.add(stamp, positions, velocities):
             return [], None
-        visited = self._watch(stamp, self._states.position)
+        progress = self._progress
+        visited = progress.watch(self.chain, stamp, self._states.position) if progress else []
         if self._waiting:
             return visited, self._decide(self._waiting)
         return visited, self._retry(stamp)
@@ -153,7 +144,7 @@ class Executive:
             self.chain.index(name)
         if dict(frozen) == self.frozen and runaway == self._runaway:
             return None
-        new = [name for name in frozen if name not in self.frozen]
+        new = {name: at for name, at in frozen.items() if name not in self.frozen}
         back = [name for name in self.frozen if name not in frozen]
         self.frozen, self._runaway = dict(frozen), runaway
         # A standard deviation that cannot be one is as good as none.
@@ -166,13 +157,8 @@ class Executive:
             self._states.clear()
         if self._progress is None:
             return None
-        cause = ', '.join(
-            [f'{name} frozen at {frozen[name]:.4f}' for name in new]
-            + [f'{name} cleared' for name in back]
-            + [f'{name} runs away' for name in runaway]
-        )
         self._retries = 0
-        return self._decide(cause or 'a frozen position was corrected', now=stamp)
+        return self._decide(cause_of(new, back, runaway), now=stamp)
 
     def on_proof(self, decision: Decision, proof: Proof) -> Decision | None:
         """Take in what `prove` made of the plan of a decision.
@@ -186,42 +172,22 @@ class Executive:
         new = [] if progress is None else [k for k in proof.found if k not in progress.hints]
         if new and progress is not None:
             progress.hints.update(proof.found)
-            names = [progress.task.goals[k].id or f'goal {k}' for k in new]
-            return self._decide(f'postures were found for {", ".join(names)}')
+            return self._decide(f'postures were found for {progress.names(new)}')
         if proof.plan.outcomes == decision.plan.outcomes:
             return None
         self._latest = replace(decision, plan=proof.plan, restated=True)
         return self._latest
 
-    def _watch(self, stamp: int, q: Array) -> list[Visited]:
-        """Goals that the tool stands at now, at or after their planned time."""
-        progress = self._progress
-        if progress is None:
-            return []
-        visited = []
-        for index in list(progress.remaining):
-            due = progress.arrivals.get(index)
-            if due is None or stamp < due:
-                continue
-            goal = progress.goals[index]
-            distance, turn = tool_errors(self.chain, q, goal)
-            if distance <= goal.position_tolerance and not turn > goal.orientation_tolerance:
-                progress.remaining.remove(index)
-                visited.append(Visited(index, goal.id, stamp, distance, turn))
-        return visited
-
     def _retry(self, stamp: int) -> Decision | None:
         """Plan again for goals whose time has long passed without the tool being there."""
         progress = self._progress
-        if progress is None or not progress.arrivals:
+        if progress is None or self._retries >= self.watching.retries:
             return None
-        late = max(progress.arrivals.values()) + round(self.watching.patience * _SECOND)
-        missed = [index for index in progress.arrivals if index in progress.remaining]
-        if stamp < late or not missed or self._retries >= self.watching.retries:
+        missed = progress.missed(stamp - round(self.watching.patience * SECOND))
+        if not missed:
             return None
         self._retries += 1
-        names = [progress.task.goals[i].id or f'goal {i}' for i in missed]
-        return self._decide(f'not met at their time: {", ".join(names)}')
+        return self._decide(f'not met at their time: {progress.names(missed)}')
 
     def _decide(self, cause: str, now: int | None = None) -> Decision | None:
         progress = self._progress
@@ -235,7 +201,7 @@ class Executive:
         stamp = self._states.stamp
         plan = plan_task(
             self.chain,
-            [(index, progress.task.goals[index]) for index in progress.remaining],
+            progress.goals_left(),
             frozen=self.frozen,
             sigma=self.sigma,
             start=self._states.position,
@@ -246,11 +212,7 @@ class Executive:
             halt=f'{", ".join(self._runaway)} runs away' if self._runaway else '',
             handover=self._handover(stamp),
         )
-        progress.arrivals, progress.goals = {}, {}
-        for outcome in plan.outcomes:
-            if outcome.has_posture:
-                progress.arrivals[outcome.index] = stamp + round(outcome.arrival * _SECOND)
-                progress.goals[outcome.index] = outcome.target
+        progress.promise(plan, stamp)
         self._latest = Decision(plan, stamp, cause, bool(self.frozen))
         return self._latest
 
@@ -261,10 +223,10 @@ class Executive:
             return None
         begin = clock()
         # The clock of the stamps may be another one: states older than that are not planned from.
-        waited = min(max((begin - stamp) / _SECOND, 0.0), self.watching.freshness)
+        waited = min(max((begin - stamp) / SECOND, 0.0), self.watching.freshness)
         return Handover(
             lambda motion: send_stop(motion, stamp),
-            lambda: waited + (clock() - begin) / _SECOND,
+            lambda: waited + (clock() - begin) / SECOND,
         )
 
     def _is_old(self, now: int | None) -> bool:
@@ -275,11 +237,11 @@ class Executive:
         way; but not for ever, for the clock of the stamps may be another one.
         """
         stamp, watching = self._states.stamp, self.watching
-        if now is not None and now - stamp > round(watching.state_timeout * _SECOND):
+        if now is not None and now - stamp > round(watching.state_timeout * SECOND):
             return True
         if self._clock is None or self._states.period > watching.freshness:
             return False
-        age = (self._clock() - stamp) / _SECOND
+        age = (self._clock() - stamp) / SECOND
         if age <= watching.freshness or self._passed_over >= _PASSED_OVER:
             return False
         self._passed_over += 1

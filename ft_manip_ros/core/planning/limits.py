@@ -149,3 +149,13 @@ def travel(start: Array, end: Array, unlimited: NDArray[np.bool_]) -> Array:
         return np.asarray(way)
     turns = np.round(way / FULL_TURN) * FULL_TURN
     return np.where(unlimited, way - turns, way)
+
+
+def folded(postures: Array, near: Array, limits: MotionLimits) -> Array:
+    """The same postures, (K, m), in the turn nearest to ``near``, (m,), that limits allow."""
+    turning = limits.turns
+    moved = near + travel(near, postures, turning)
+    over = turning & ~limits.unlimited & (moved > limits.upper)
+    under = turning & ~limits.unlimited & (moved < limits.lower)
+    # Kernels are compiled for whole rows.
+    return np.ascontiguousarray(moved - FULL_TURN * over + FULL_TURN * under)

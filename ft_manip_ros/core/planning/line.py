@@ -159,8 +159,7 @@ def _trace(
         elif names := _beyond(chain, arrays, here + step, frozen):
             reason = f'{names} would have to pass a limit there'
         elif checker is not None and checker.move_touches(here, here + step):
-            pair = checker.touching(found[0])
-            reason = f'{" and ".join(pair)} touch there' if pair else 'bodies touch there'
+            reason = f'{checker.what_touches(found[0])} there'
         if reason:
             return Line(start, np.array(postures), done, reason)
         postures.append(here + step)

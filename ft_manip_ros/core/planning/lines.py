@@ -10,10 +10,9 @@ from numpy.typing import NDArray
 
 from ft_manip_ros.core.chain import Array, ChainArrays, SerialChain
 from ft_manip_ros.core.planning.collision import CollisionChecker
+from ft_manip_ros.core.planning.finding import Finding
 from ft_manip_ros.core.planning.line import Line, trace
-from ft_manip_ros.core.planning.plan import Outcome
 from ft_manip_ros.core.planning.settings import PlanSettings, Relaxation
-from ft_manip_ros.core.planning.triage import Finding
 
 # For each posture of a goal the line that ends there, with the place of the posture in which it
 # begins among those of the goal before (0 where it begins where the arm comes to rest).
@@ -93,15 +92,6 @@ def _without_line(finding: Finding, origin: str, traced: Sequence[Line]) -> Find
         share = f'has no beginning: {origin} is not visited'
     reason = f'the straight line from {origin} {share}'
     if finding.relaxation is None:
-        return replace(
-            finding,
-            outcome=Outcome.RELAXED,
-            relaxed=replace(finding.goal, straight_line=False),
-            relaxation=Relaxation.LINE_DROPPED,
-            reason=reason,
-        )
-    nothing = replace(finding.postures, q=finding.postures.q[:0])
-    reason = f'with the {finding.relaxation.value}, {reason}'
-    return replace(
-        finding, outcome=Outcome.UNDECIDED, relaxation=None, postures=nothing, reason=reason
-    )
+        way_free = replace(finding.goal, straight_line=False)
+        return finding.relaxed_to(way_free, Relaxation.LINE_DROPPED, reason)
+    return finding.without_postures(f'with the {finding.relaxation.value}, {reason}')

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +12,7 @@ from ft_manip_ros.core.errors import InputError
 from ft_manip_ros.core.ftws.task_map import reach
 from ft_manip_ros.core.goal import Goal
 from ft_manip_ros.core.planning.collision import CollisionChecker
+from ft_manip_ros.core.planning.finding import Finding
 from ft_manip_ros.core.planning.handover import Handover, paused
 from ft_manip_ros.core.planning.limits import (
     CREEP,
@@ -22,14 +22,14 @@ from ft_manip_ros.core.planning.limits import (
     within_noise,
 )
 from ft_manip_ros.core.planning.lines import straighten
-from ft_manip_ros.core.planning.plan import Outcome, Plan, PlanStatus
+from ft_manip_ros.core.planning.plan import Plan, PlanStatus
 from ft_manip_ros.core.planning.refutation import SIGMAS
 from ft_manip_ros.core.planning.reporting import describe, outcomes_of
 from ft_manip_ros.core.planning.route import Route, plan_route, stop_route, touch_while_stopping
 from ft_manip_ros.core.planning.safety import check_trajectory
 from ft_manip_ros.core.planning.settings import PlanSettings, Policy
 from ft_manip_ros.core.planning.trajectory import Trajectory
-from ft_manip_ros.core.planning.triage import Finding, further_postures, triage
+from ft_manip_ros.core.planning.triage import further_postures, triage
 
 
 def plan_task(
@@ -113,8 +113,8 @@ def plan_task(
         braking = touch_while_stopping(
             start[healthy], start_velocity[healthy], healthy, here, hard, checker
         )
-    if checker is not None and not halt and (pair := checker.touching(here)):
-        halt = f'{pair[0]} and {pair[1]} touch where the arm comes to rest'
+    if checker is not None and not halt and checker.touches(here):
+        halt = f'{checker.what_touches(here)} where the arm comes to rest'
 
     def more(finding: Finding) -> Array:
         if checker is None:
@@ -137,7 +137,12 @@ def plan_task(
             checker,
             more,
         )
-        findings = [_cut_off(f) if f.index in route.cut_off else f for f in findings]
+        findings = [
+            f.left_open(f'{f.reason}, but no way there was found that touches nothing')
+            if f.index in route.cut_off
+            else f
+            for f in findings
+        ]
         if route.cut_off and frozen and settings.policy == Policy.FINISH_ALL_OR_HALT:
             route, why_not = stopping, 'the policy is to finish all or halt, and a way is blocked'
     pause = 0.0 if handover is None else handover.pause(route)
@@ -178,12 +183,6 @@ def _checked(
         chain, trajectory, limits, frozen=frozen, start=start, start_velocity=speed
     )
     return (None if problems else trajectory), problems
-
-
-def _cut_off(finding: Finding) -> Finding:
-    """A goal with postures but no way there."""
-    reason = f'{finding.reason}, but no way there was found that touches nothing'
-    return replace(finding, outcome=Outcome.UNDECIDED, reason=reason)
 
 
 def _blur(chain: SerialChain, sigma: Mapping[str, float]) -> float:

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ft_manip_ros.core.chain import Array, SerialChain
+from ft_manip_ros.core.planning.finding import Finding
 from ft_manip_ros.core.planning.margins import (
     posture_margins,
     tool_errors,
@@ -14,7 +15,6 @@ from ft_manip_ros.core.planning.margins import (
 )
 from ft_manip_ros.core.planning.plan import GoalOutcome, Outcome, PlanStatus
 from ft_manip_ros.core.planning.route import Visit
-from ft_manip_ros.core.planning.triage import Finding
 
 
 def outcomes_of(

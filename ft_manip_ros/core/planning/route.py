@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ft_manip_ros.core.chain import Array, SerialChain
-from ft_manip_ros.core.joint import FULL_TURN
 from ft_manip_ros.core.planning import timing
 from ft_manip_ros.core.planning.collision import CollisionChecker
-from ft_manip_ros.core.planning.limits import MotionLimits, travel
+from ft_manip_ros.core.planning.finding import Finding
+from ft_manip_ros.core.planning.limits import MotionLimits, folded, travel
 from ft_manip_ros.core.planning.lines import Lines
 from ft_manip_ros.core.planning.margins import posture_margins
 from ft_manip_ros.core.planning.moves import Moves
@@ -21,7 +21,6 @@ from ft_manip_ros.core.planning.ordering import fastest_order, safest_order
 from ft_manip_ros.core.planning.sequence import straight_time
 from ft_manip_ros.core.planning.settings import Order, PlanSettings
 from ft_manip_ros.core.planning.timing import Motion
-from ft_manip_ros.core.planning.triage import Finding
 from ft_manip_ros.core.planning.way import WayFinder
 
 # A controller needs two points; a stop that takes no time still stands for this long (s).
@@ -79,9 +78,8 @@ def touch_while_stopping(
     if since is None:
         return ''
     later = positions[motion.times >= since]
-    pair = next((pair for row in later if (pair := checker.touching(row))), None)
-    names = ' and '.join(pair) if pair else 'bodies'
-    return f'{names} touch while the arm stops, from t = {since:.2f} s on'
+    what = checker.what_touches(*later)
+    return f'{what} while the arm stops, from t = {since:.2f} s on'
 
 
 def plan_route(
@@ -244,16 +242,6 @@ def _ordered(
         first = [min(straight_time(here[healthy], q, *rates) for q in group) for group in groups]
         order = fastest_order(np.array(first), groups, limits)
     return [findings[k] for k in order], [groups[k] for k in order]
-
-
-def folded(postures: Array, near: Array, limits: MotionLimits) -> Array:
-    """The same postures, (K, m), in the turn nearest to ``near``, (m,), that limits allow."""
-    turning = limits.turns
-    moved = near + travel(near, postures, turning)
-    over = turning & ~limits.unlimited & (moved > limits.upper)
-    under = turning & ~limits.unlimited & (moved < limits.lower)
-    # Kernels are compiled for whole rows.
-    return np.ascontiguousarray(moved - FULL_TURN * over + FULL_TURN * under)
 
 
 def limit_closeness(postures: Array, limits: MotionLimits) -> Array:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ft_manip_ros.core.chain import Array, ChainArrays, SerialChain
 from ft_manip_ros.core.goal import Goal
 from ft_manip_ros.core.planning.collision import CollisionChecker
+from ft_manip_ros.core.planning.finding import Finding
 from ft_manip_ros.core.planning.plan import Outcome
 from ft_manip_ros.core.planning.postures import Postures, find_postures
 from ft_manip_ros.core.planning.reach import proved_miss
@@ -20,30 +21,6 @@ from ft_manip_ros.core.planning.settings import PlanSettings, Relaxation
 # tells the random starts of that search from those of the first.
 _PATIENCE = (4, 32)
 _OTHER_SEED = 1_000_003
-
-
-@dataclass(frozen=True, eq=False)
-class Finding:
-    """What was found out about one goal.
-
-    Attributes
-    ----------
-    goal
-        As asked for; ``relaxed`` is what the postures reach.
-    relaxation
-        What was given up, or None.
-    miss
-        Proved distance (m) by which the goal is missed; only for LOST.
-    """
-
-    goal: Goal
-    index: int
-    outcome: Outcome
-    relaxed: Goal
-    relaxation: Relaxation | None
-    postures: Postures
-    reason: str
-    miss: float = float('nan')
 
 
 def relaxations(goal: Goal) -> list[tuple[Relaxation, Goal]]:
@@ -174,10 +151,8 @@ def _without_touching(
         kept = replace(found, q=further_postures(chain, frozen, finding, here, settings, checker))
     if len(kept.q):
         return replace(finding, postures=kept, reason=_reached(kept))
-    pair = checker.touching(found.q[0])
-    between = ' and '.join(pair) if pair else 'bodies'
-    reason = f'{between} touch, as bodies do in every other posture found'
-    return replace(finding, postures=kept, outcome=Outcome.UNDECIDED, reason=reason)
+    reason = f'{checker.what_touches(found.q[0])}, as bodies do in every other posture found'
+    return finding.without_postures(reason)
 
 
 def _reached(found: Postures) -> str:
