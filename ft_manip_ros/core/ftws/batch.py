@@ -70,7 +70,7 @@ def judge_goals(
     n = ranges.shape[1]
     k = combos.shape[1]
     m = task.position_rows.shape[0] + task.orientation_rows.shape[0]
-    work = make_work(n, m, k)
+    work = make_work(n, m, k, task.orientation_rows.shape[0] > 0)
     angles = np.zeros(k)
     worst = np.zeros(1)
     for g in range(goals.shape[0]):

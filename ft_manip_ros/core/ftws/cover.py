@@ -5,14 +5,15 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from ft_manip_ros.core.chain import Array, ChainArrays
+from ft_manip_ros.core.compiled import kernel
 from ft_manip_ros.core.ftws.certify import ABSOLUTE_ROUNDING, widest, within_tolerance
 from ft_manip_ros.core.ftws.posture import correct
 from ft_manip_ros.core.ftws.task_map import TaskArrays
 from ft_manip_ros.core.ftws.taylor import Scratch, build, self_motion
+from ft_manip_ros.core.ftws.turn_series import CURVE
 
 # Start residuals below this share of the length scale cost the certificate nothing.
 _START_RESIDUAL = 1e-6
@@ -27,7 +28,7 @@ _SLOWEST = 0.6
 _SINGULAR_WIDTH = 0.02
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def certify_at(
     chain: ChainArrays,
     task: TaskArrays,
@@ -60,7 +61,7 @@ def certify_at(
         )  # fmt: skip
         if not norm < 0.1 * task.length:
             return 0.0
-        build(chain, task, combo, s)
+        build(chain, task, combo, radius > 0.0, s)
         start = norm + radius + ABSOLUTE_ROUNDING * (1.0 + task.length)
         h = widest(chain, task, q, is_free, halves, start, guess, smallest, s)
         # Much smaller than expected: the start residual may be what is in the way.
@@ -74,17 +75,16 @@ def certify_at(
     return h
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _keep(chain: ChainArrays, q: Array, is_free: NDArray[np.bool_], h: float, s: Scratch) -> None:
-    self_motion(chain, q, is_free, 2.0 * h, s, s.kept[4])
+    self_motion(chain, q, is_free, 2.0 * h, s, s.kept[CURVE + 1])
     for i in range(q.shape[0]):
         s.kept[0, i] = q[i]
-        s.kept[1, i] = s.directions[0, i]
-        s.kept[2, i] = s.directions[1, i]
-        s.kept[3, i] = s.directions[2, i]
+        for row in range(CURVE):
+            s.kept[1 + row, i] = s.directions[row, i]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def record(
     pieces: Array,
     count: NDArray[np.int64],
@@ -105,7 +105,7 @@ def record(
     count[0] += 1
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def sweep(
     chain: ChainArrays,
     task: TaskArrays,
@@ -160,9 +160,10 @@ def sweep(
             for i in range(n):
                 trial[i] = kept[0, i]
                 if is_free[i]:
-                    trial[i] += kept[4, i] + delta * (
-                        kept[1, i] + delta * (kept[2, i] + delta * kept[3, i])
-                    )
+                    step = 0.0
+                    for row in range(CURVE, 0, -1):
+                        step = delta * (step + kept[row, i])
+                    trial[i] += kept[CURVE + 1, i] + step
             trial[first] = target
             h = certify_at(
                 chain, task, goal, trial, is_free, combo, halves, radius, tolerance,

@@ -9,6 +9,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from ft_manip_ros.core.chain import Array
+from ft_manip_ros.core.compiled import kernel
 from ft_manip_ros.core.ftws.taylor import Scratch, make_scratch
 
 MEMBER, UNDECIDED, NON_MEMBER = 1, 0, -1
@@ -48,10 +49,10 @@ class Work(NamedTuple):
 
 
 @njit(cache=True, nogil=True)
-def make_work(n: int, m: int, k: int) -> Work:
+def make_work(n: int, m: int, k: int, oriented: bool) -> Work:
     """Allocate one thread's scratch for n joints, m equations and k failures."""
     return Work(
-        make_scratch(n, m, k),
+        make_scratch(n, m, k, oriented),
         np.zeros((_GAPS, 2 * k)),
         np.zeros((2, k)),
         np.zeros(k),
@@ -64,15 +65,22 @@ def make_work(n: int, m: int, k: int) -> Work:
     )
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def start_stream(state: NDArray[np.uint64], seed: int, stream: int) -> None:
     """Begin a stream of random numbers that depends on the question alone."""
     state[0] = np.uint64(seed) * np.uint64(1000003) + np.uint64(stream)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def freeze(combo: NDArray[np.int64], is_free: NDArray[np.bool_]) -> None:
     """Mark the joints of a combination as frozen and all others as free."""
     is_free[:] = True
     for j in range(combo.shape[0]):
         is_free[combo[j]] = False
+
+
+@kernel
+def copy(source: Array, target: Array) -> None:
+    """Write a vector over another one; a slice would allocate, in case they overlap."""
+    for i in range(source.shape[0]):
+        target[i] = source[i]

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from ft_manip_ros.core.chain import Array, ChainArrays
+from ft_manip_ros.core.compiled import kernel
 from ft_manip_ros.core.ftws.cover import certify_at, record, sweep
 from ft_manip_ros.core.ftws.effort import MEMBER, NON_MEMBER, UNDECIDED, Effort, Work, freeze
 from ft_manip_ros.core.ftws.refute import refute
@@ -22,7 +22,7 @@ _GUESS = 0.1
 _SMALL_PIECE = 0.004
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def lose(
     chain: ChainArrays,
     task: TaskArrays,
@@ -69,7 +69,7 @@ def lose(
     return MEMBER, at, residual
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _push(gaps: Array, top: int, lo: Array, hi: Array, lower: float, upper: float) -> int:
     """Push the box [lo, hi] with its first side replaced; returns the new top."""
     k = lo.shape[0]
@@ -79,7 +79,7 @@ def _push(gaps: Array, top: int, lo: Array, hi: Array, lower: float, upper: floa
     return top + 1
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _halve(gaps: Array, top: int, lo: Array, hi: Array, side: int) -> int:
     """Push both halves of the box [lo, hi], cut across one side; returns the new top."""
     k = lo.shape[0]
@@ -92,7 +92,7 @@ def _halve(gaps: Array, top: int, lo: Array, hi: Array, side: int) -> int:
     return top
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def cover(
     chain: ChainArrays,
     task: TaskArrays,

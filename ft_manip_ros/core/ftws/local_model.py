@@ -1,4 +1,4 @@
-"""Compiled local model of the task map: residual, Jacobian and exact Hessian.
+"""Compiled local model of the task map: residual and Jacobian.
 
 For a serial chain every derivative of the tool position is a nest of cross products: with
 ``i <= k``, ``d2p / dq_i dq_k = z_i x (dp / dq_k)`` where joint i is revolute and zero where it is
@@ -14,6 +14,7 @@ import numpy as np
 from numba import njit
 
 from ft_manip_ros.core.chain import Array, ChainArrays
+from ft_manip_ros.core.compiled import kernel
 from ft_manip_ros.core.ftws.task_map import TaskArrays
 from ft_manip_ros.core.kernels import sweep, turn_tool
 
@@ -48,7 +49,7 @@ def make_model(n: int, m: int) -> LocalModel:
     )
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _error_quaternion(rotation: Array, goal: Array, out: Array) -> None:
     """Quaternion of ``rotation R_goal^T``; goal[3:7] is the goal's (w, x, y, z)."""
     r00, r11, r22 = rotation[0, 0], rotation[1, 1], rotation[2, 2]
@@ -84,7 +85,7 @@ def _error_quaternion(rotation: Array, goal: Array, out: Array) -> None:
     out[3] = (w * d + x * c - y * b + z * a) * scale
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def evaluate(
     chain: ChainArrays, task: TaskArrays, goal: Array, q: Array, model: LocalModel
 ) -> float:
@@ -160,59 +161,3 @@ def evaluate(
                     gz = w * az + ax * ey - ay * ex
                     jacobian[mp + row, i] = a * gx + b * gy + c * gz
     return math.sqrt(total)
-
-
-@njit(cache=True, nogil=True)
-def hessian(chain: ChainArrays, task: TaskArrays, model: LocalModel, out: Array) -> None:
-    """Second derivatives of the residual at the evaluated posture, out (m, n, n)."""
-    axes, linear, prismatic = model.axes, model.linear, chain.prismatic
-    position_rows, orientation_rows = task.position_rows, task.orientation_rows
-    n = axes.shape[0]
-    mp = position_rows.shape[0]
-    mo = orientation_rows.shape[0]
-    spatial = mp == 3
-    w, ex, ey, ez = model.error[0], model.error[1], model.error[2], model.error[3]
-    for k in range(n):
-        lx, ly, lz = linear[k, 0], linear[k, 1], linear[k, 2]
-        kx, ky, kz = axes[k, 0], axes[k, 1], axes[k, 2]
-        for i in range(k + 1):
-            if prismatic[i]:
-                for row in range(mp + mo):
-                    out[row, i, k] = out[row, k, i] = 0.0
-                continue
-            ax, ay, az = axes[i, 0], axes[i, 1], axes[i, 2]
-            px = ay * lz - az * ly
-            py = az * lx - ax * lz
-            pz = ax * ly - ay * lx
-            if spatial:
-                out[0, i, k] = out[0, k, i] = px
-                out[1, i, k] = out[1, k, i] = py
-                out[2, i, k] = out[2, k, i] = pz
-            else:
-                for row in range(mp):
-                    value = (
-                        position_rows[row, 0] * px
-                        + position_rows[row, 1] * py
-                        + position_rows[row, 2] * pz
-                    )
-                    out[row, i, k] = out[row, k, i] = value
-            if mo == 0:
-                continue
-            hx = hy = hz = 0.0
-            if not prismatic[k]:
-                # 2 vec(d2 q) = 1/2 vec(z_i z_k q), with q the error's quaternion
-                dot = ax * kx + ay * ky + az * kz
-                cx = ay * kz - az * ky
-                cy = az * kx - ax * kz
-                cz = ax * ky - ay * kx
-                half = 0.5 * task.length
-                hx = half * (w * cx + cy * ez - cz * ey - dot * ex)
-                hy = half * (w * cy + cz * ex - cx * ez - dot * ey)
-                hz = half * (w * cz + cx * ey - cy * ex - dot * ez)
-            for row in range(mo):
-                value = (
-                    orientation_rows[row, 0] * hx
-                    + orientation_rows[row, 1] * hy
-                    + orientation_rows[row, 2] * hz
-                )
-                out[mp + row, i, k] = out[mp + row, k, i] = value

@@ -14,9 +14,8 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
-
 from ft_manip_ros.core.chain import Array, ChainArrays
+from ft_manip_ros.core.compiled import kernel
 from ft_manip_ros.core.ftws.certify import ABSOLUTE_ROUNDING
 from ft_manip_ros.core.ftws.local_model import LocalModel, evaluate
 from ft_manip_ros.core.ftws.remainder import third_order_bound
@@ -24,7 +23,7 @@ from ft_manip_ros.core.ftws.spin import circle_correction, crude_bound, turn_goa
 from ft_manip_ros.core.ftws.task_map import TaskArrays
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _along(
     chain: ChainArrays,
     task: TaskArrays,
@@ -89,7 +88,7 @@ def _along(
     return cost_total
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def lower_bound(
     chain: ChainArrays,
     task: TaskArrays,
@@ -188,7 +187,7 @@ def lower_bound(
     return best * (1.0 - 1e-9) - ABSOLUTE_ROUNDING * (1.0 + task.length), norm
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def aim_at(
     task: TaskArrays, goal: Array, spin: int, model: LocalModel, spare: Array, aim: Array
 ) -> None:

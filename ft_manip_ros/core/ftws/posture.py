@@ -8,10 +8,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from ft_manip_ros.core.chain import Array, ChainArrays
+from ft_manip_ros.core.compiled import kernel
 from ft_manip_ros.core.ftws.local_model import LocalModel, evaluate
 from ft_manip_ros.core.ftws.task_map import TaskArrays
 from ft_manip_ros.core.ftws.weighting import (
@@ -26,7 +26,7 @@ _LARGEST_STEP = 0.6
 _SEARCH_ITERATIONS = 60
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def uniform(state: NDArray[np.uint64]) -> float:
     """Next number of a splitmix64 stream in [0, 1); ``state`` (1,) is advanced."""
     state[0] += np.uint64(0x9E3779B97F4A7C15)
@@ -37,7 +37,7 @@ def uniform(state: NDArray[np.uint64]) -> float:
     return float(x >> np.uint64(11)) * (1.0 / 9007199254740992.0)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def randomise(
     chain: ChainArrays, q: Array, is_free: NDArray[np.bool_], state: NDArray[np.uint64]
 ) -> None:
@@ -48,7 +48,7 @@ def randomise(
             q[i] = lower[i] + uniform(state) * (upper[i] - lower[i])
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def clamp(chain: ChainArrays, q: Array, is_free: NDArray[np.bool_]) -> None:
     """Put the free joints within their limits; joints that wrap into [-pi, pi)."""
     wraps, lower, upper = chain.wraps, chain.lower, chain.upper
@@ -62,7 +62,7 @@ def clamp(chain: ChainArrays, q: Array, is_free: NDArray[np.bool_]) -> None:
             q[i] = min(max(q[i], lower[i]), upper[i])
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def correct(
     chain: ChainArrays,
     task: TaskArrays,
@@ -113,7 +113,7 @@ def correct(
     return norm
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def descend(
     chain: ChainArrays,
     task: TaskArrays,

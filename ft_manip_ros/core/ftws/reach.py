@@ -15,13 +15,14 @@ from numba import njit
 from numpy.typing import NDArray
 
 from ft_manip_ros.core.chain import Array, ChainArrays
+from ft_manip_ros.core.compiled import kernel
 from ft_manip_ros.core.kernels import frames
 
 # Widening of every interval for rounding (m, relative to 1 m of arm).
 _ROUNDING = 1e-9
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _foot(z: Array, o: Array, other_z: Array, other_o: Array, out: Array) -> None:
     """Point of the axis (z, o) nearest to another axis; ``o`` where they are parallel."""
     along = z[0] * other_z[0] + z[1] * other_z[1] + z[2] * other_z[2]
@@ -129,7 +130,7 @@ def reach_table(
     return table[:rows]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _carry(
     z: Array,
     next_z: Array,
@@ -176,7 +177,7 @@ def _carry(
     return new_low, new_high, new_inner, new_outer
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def farthest_miss(table: Array, goal: Array, k: int) -> tuple[float, int]:
     """Largest distance (m) of a goal from an enclosure of the table, and its row (-1: none)."""
     best = 0.0

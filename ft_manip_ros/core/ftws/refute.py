@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from ft_manip_ros.core.chain import Array, ChainArrays
+from ft_manip_ros.core.compiled import kernel
 from ft_manip_ros.core.ftws.local_model import evaluate
 from ft_manip_ros.core.ftws.lower_bound import aim_at, lower_bound
 from ft_manip_ros.core.ftws.posture import descend
@@ -22,7 +22,7 @@ _PROVED_SHARE = 0.1
 _ANY = -1.0
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def refute(
     chain: ChainArrays,
     task: TaskArrays,
@@ -62,6 +62,8 @@ def refute(
         Boxes spent.
     """
     n = q.shape[0]
+    model, weights, gram, trial = s.model, s.weights, s.gram, s.trial
+    wraps, lower, upper = chain.wraps, chain.lower, chain.upper
     if best <= enough:
         return (-1 if best <= tolerance else 0), best, 0
     spin = spin_joint(chain, task, is_free)
@@ -69,14 +71,11 @@ def refute(
         if frozen_half[i] > 0.0:
             spin = -1  # its axis would move
             break
-    spare = np.empty((2, 6))
-    aim, aim_round = np.empty(6), np.empty(6)
-    evaluate(chain, task, goal, q, s.model)
-    aim_at(task, goal, -1, s.model, spare, aim)
-    aim_at(task, goal, spin, s.model, spare, aim_round)
-    share = np.empty(n)
-    post = np.empty(n)
-    centre, half = np.empty(n), np.empty(n)
+    spare, aim, aim_round = s.aims[:2], s.aims[2], s.aims[3]
+    share, post, centre, half = s.split[0], s.split[1], s.split[2], s.split[3]
+    evaluate(chain, task, goal, q, model)
+    aim_at(task, goal, -1, model, spare, aim)
+    aim_at(task, goal, spin, model, spare, aim_round)
     for i in range(n):
         if not is_free[i]:
             stack[0, 0, i] = q[i]
@@ -85,8 +84,8 @@ def refute(
             stack[0, 0, i] = 0.0
             stack[1, 0, i] = _ANY
         else:
-            stack[0, 0, i] = 0.5 * (chain.lower[i] + chain.upper[i])
-            stack[1, 0, i] = 0.5 * (chain.upper[i] - chain.lower[i])
+            stack[0, 0, i] = 0.5 * (lower[i] + upper[i])
+            stack[1, 0, i] = 0.5 * (upper[i] - lower[i])
     top = 1
     boxes = 0
     proved = math.inf
@@ -104,34 +103,34 @@ def refute(
         target = enough + _PROVED_SHARE * (best - enough)
         bound, norm = lower_bound(
             chain, task, goal, round_axis, centre, half,
-            aim_round if round_axis >= 0 else aim, s.model, spare, share,
+            aim_round if round_axis >= 0 else aim, model, spare, share,
         )  # fmt: skip
         if bound > target:
             proved = min(proved, bound)
             continue
-        if round_axis >= 0 and beyond_limits(chain, goal, spin, centre, half, s.model):
+        if round_axis >= 0 and beyond_limits(chain, goal, spin, centre, half, model):
             for side in range(2):
                 for i in range(n):
                     stack[0, top, i] = centre[i]
                     stack[1, top, i] = half[i]
-                stack[0, top, spin] = chain.lower[spin] if side == 0 else chain.upper[spin]
+                stack[0, top, spin] = lower[spin] if side == 0 else upper[spin]
                 top += 1
             continue
         # A circle that leaves the limits promises more than there is: follow it up rarely.
-        if norm < 0.7 * best and (round_axis < 0 or chain.wraps[spin] or boxes % 16 == 0):
+        if norm < 0.7 * best and (round_axis < 0 or wraps[spin] or boxes % 16 == 0):
             for i in range(n):
                 post[i] = centre[i]
-            if round_axis >= 0 and not chain.wraps[spin]:
-                post[spin] = 0.5 * (chain.lower[spin] + chain.upper[spin])
+            if round_axis >= 0 and not wraps[spin]:
+                post[spin] = 0.5 * (lower[spin] + upper[spin])
             found = descend(
-                chain, task, goal, post, is_free, s.model, s.weights, s.gram, s.trial,
+                chain, task, goal, post, is_free, model, weights, gram, trial,
                 0.1 * tolerance,
             )  # fmt: skip
             if found < best:
                 best = found
-                evaluate(chain, task, goal, post, s.model)
-                aim_at(task, goal, -1, s.model, spare, aim)
-                aim_at(task, goal, spin, s.model, spare, aim_round)
+                evaluate(chain, task, goal, post, model)
+                aim_at(task, goal, -1, model, spare, aim)
+                aim_at(task, goal, spin, model, spare, aim_round)
             if best <= tolerance:
                 for i in range(n):
                     q[i] = post[i]

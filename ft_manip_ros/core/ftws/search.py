@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from ft_manip_ros.core.chain import Array, ChainArrays
+from ft_manip_ros.core.compiled import kernel
 from ft_manip_ros.core.ftws.cover import certify_at
-from ft_manip_ros.core.ftws.effort import Effort, Work, freeze
+from ft_manip_ros.core.ftws.effort import Effort, Work, copy, freeze
 from ft_manip_ros.core.ftws.posture import descend, randomise
 from ft_manip_ros.core.ftws.task_map import TaskArrays
 
@@ -22,7 +22,7 @@ _PROBES, _PROBES_EACH = 9, 3
 _WORSE_STARTS = 4
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def find_posture(
     chain: ChainArrays,
     task: TaskArrays,
@@ -50,7 +50,7 @@ def find_posture(
         count[1] += 4
         if residual < best and widest == 0.0:
             best = residual
-            chosen[:] = q
+            copy(q, chosen)
         if residual <= effort.tolerance:
             h = certify_at(
                 chain, task, goal, q, is_free, combo, w.halves, effort.radius,
@@ -60,7 +60,7 @@ def find_posture(
             if h > widest:
                 widest = h
                 guess = h
-                chosen[:] = q
+                copy(q, chosen)
             if h > 0.0:
                 certified += 1
                 if certified >= 2 or h > _WIDE:
@@ -68,7 +68,7 @@ def find_posture(
     return widest, best
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def find_lost(
     chain: ChainArrays,
     task: TaskArrays,
@@ -120,13 +120,13 @@ def find_lost(
                 )  # fmt: skip
                 if residual < best:
                     best = residual
-                    nearest[:] = q
+                    copy(q, nearest)
                 if best <= max(worst, effort.tolerance):
                     break
-            q[:] = nearest
+            copy(nearest, q)
             if best > max(worst, effort.tolerance):
                 worst, at = best, c
-                w.chosen[:] = nearest
+                copy(nearest, w.chosen)
         if worst > 2.0 * enough:
             break
     return at, worst

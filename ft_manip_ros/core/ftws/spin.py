@@ -5,15 +5,15 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from ft_manip_ros.core.chain import Array, ChainArrays
+from ft_manip_ros.core.compiled import kernel
 from ft_manip_ros.core.ftws.local_model import LocalModel
 from ft_manip_ros.core.ftws.task_map import TaskArrays
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def spin_joint(chain: ChainArrays, task: TaskArrays, is_free: NDArray[np.bool_]) -> int:
     """First free joint if it is revolute and only the position counts, else -1."""
     if task.orientation_rows.shape[0] > 0:
@@ -24,7 +24,7 @@ def spin_joint(chain: ChainArrays, task: TaskArrays, is_free: NDArray[np.bool_])
     return -1
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def turn_goal(goal: Array, spin: int, model: LocalModel, turned: Array) -> float:
     """Goal turned about the spin joint's axis to the tool's side; returns the tool's radius."""
     axes, origins, tip = model.axes, model.origins, model.tip
@@ -47,7 +47,7 @@ def turn_goal(goal: Array, spin: int, model: LocalModel, turned: Array) -> float
     return radius
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def unroll(aim: Array, spin: int, model: LocalModel, radius: float, u: Array) -> None:
     """World direction of ``aim``'s radial and axial parts about the spin axis."""
     axes, origins, tip = model.axes, model.origins, model.tip
@@ -60,7 +60,7 @@ def unroll(aim: Array, spin: int, model: LocalModel, radius: float, u: Array) ->
         u[a] = aim[0] * radial + aim[1] * z
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _spread(
     chain: ChainArrays, spin: int, half: Array, model: LocalModel, radius: float, crude: float
 ) -> tuple[float, float]:
@@ -94,7 +94,7 @@ def _spread(
     return nearest, min(sideways + remainder, crude)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def circle_correction(
     chain: ChainArrays,
     spin: int,
@@ -125,7 +125,7 @@ def circle_correction(
     return -outward * sideways * sideways / (2.0 * nearest)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def beyond_limits(
     chain: ChainArrays, goal: Array, spin: int, centre: Array, half: Array, model: LocalModel
 ) -> bool:
@@ -162,7 +162,7 @@ def beyond_limits(
     return start > chain.upper[spin] and start + 2.0 * width < chain.lower[spin] + 2.0 * math.pi
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def crude_bound(chain: ChainArrays, distance: Array, length: float, half: Array) -> float:
     """How far the residual can move over a box, from the tool's distances to the axes alone."""
     prismatic = chain.prismatic

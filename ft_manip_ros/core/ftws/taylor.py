@@ -10,81 +10,95 @@ from numba import njit
 from numpy.typing import NDArray
 
 from ft_manip_ros.core.chain import Array, ChainArrays
-from ft_manip_ros.core.ftws.local_model import LocalModel, hessian, make_model
-from ft_manip_ros.core.ftws.remainder import third_along
+from ft_manip_ros.core.compiled import kernel
+from ft_manip_ros.core.ftws.curve import Series, follow, make_series
+from ft_manip_ros.core.ftws.local_model import LocalModel, make_model
+from ft_manip_ros.core.ftws.majorant import Majorant, begin, make_majorant
+from ft_manip_ros.core.ftws.slopes import bend, second_slope
 from ft_manip_ros.core.ftws.task_map import TaskArrays
+from ft_manip_ros.core.ftws.turn_series import CURVE
 from ft_manip_ros.core.ftws.weighting import cholesky_solve, limit_push
 
 # Step along the self-motion per unit of gradient (rad).
 _SELF_MOTION_GAIN = 1.0
-# Directions that make up the curve of the first frozen joint: tangent, square, cube.
-CURVE = 3
 
 
 class Scratch(NamedTuple):
-    """Arrays that the kernels share within one thread: n joints, m equations, k frozen."""
+    """Arrays that the kernels share within one thread: n joints, m equations, k frozen.
+
+    Rows of directions: the CURVE ones of the first frozen joint, then the others' tangents.
+    """
 
     model: LocalModel
+    series: Series
+    majorant: Majorant
     weights: Array  # (n,)
     gram: Array  # (m, m)
     inverse: Array  # (n, m), A with zero rows for frozen joints
-    tensor: Array  # (m, n, n), second derivatives
-    directions: Array  # (k+2+m, n), D_0, D_1, D_2, the other tangents, then the columns of A
-    curved: Array  # (m, k+2+m, n), the tensor times each direction
-    kept: Array  # (5, n), of the piece accepted last: posture, D_0, D_1, D_2, self-motion to take
+    directions: Array  # (CURVE+k-1, n)
+    curved: Array  # (k, m, n), second derivative times the tangent of each frozen joint
+    slope: Array  # (m, n)
+    kept: Array  # (CURVE+2, n), of the piece accepted last: posture, curve, self-motion to take
     trial: Array  # (n,)
     reach: Array  # (n,), |A_i|
-    line: Array  # (n,), largest change along D_0
-    box: Array  # (n,), largest change
-    pairs: Array  # (k+2, k+2), |H[D_a, D_b]|
-    mixed: Array  # (k+2,), |H[D_a, A]|
-    constants: Array  # (2,), |H[A, A]| and |J A - I|
-    defects: Array  # (k+2,), what is left to cancel along each direction
-    powers: Array  # (k+2,), largest coefficient of each direction
-    buffer: Array  # (3, m)
+    other: Array  # (n,), largest change by the other frozen joints
+    corrected: Array  # (n,), largest change by y
+    box: Array  # (n,), largest change but by y
+    pairs: Array  # (k, k), |H[D_a, D_b]| of the tangents, 0 where cancelled
+    mixed: Array  # (k+1,), |H[D_a, A]|, then that of the second order along the curve
+    defects: Array  # (CURVE+k-1,), what is left to cancel along each direction
+    fixed: Array  # (4,), |J A - I|; at the width in hand: terms without y, its slope; |H[A, A]|
+    fit: Array  # (2,), share of the width in hand that the bound, and the limits, seem to carry
+    buffer: Array  # (m,)
+    aims: Array  # (4, 6), directions that refutations project on
+    split: Array  # (4, n), the box that a refutation has in hand
 
 
 @njit(cache=True, nogil=True)
-def make_scratch(n: int, m: int, k: int) -> Scratch:
+def make_scratch(n: int, m: int, k: int, oriented: bool) -> Scratch:
     """Allocate the scratch arrays."""
     rows = CURVE + k - 1
     return Scratch(
         make_model(n, m),
+        make_series(n, oriented),
+        make_majorant(n),
         np.zeros(n),
         np.zeros((m, m)),
         np.zeros((n, m)),
-        np.zeros((m, n, n)),
-        np.zeros((rows + m, n)),
-        np.zeros((m, rows + m, n)),
-        np.zeros((5, n)),
+        np.zeros((rows, n)),
+        np.zeros((k, m, n)),
+        np.zeros((m, n)),
+        np.zeros((CURVE + 2, n)),
         np.zeros(n),
         np.zeros(n),
         np.zeros(n),
         np.zeros(n),
-        np.zeros((rows, rows)),
+        np.zeros(n),
+        np.zeros((k, k)),
+        np.zeros(k + 1),
         np.zeros(rows),
+        np.zeros(4),
         np.zeros(2),
-        np.zeros(rows),
-        np.zeros(rows),
-        np.zeros((3, m)),
+        np.zeros(m),
+        np.zeros((4, 6)),
+        np.zeros((4, n)),
     )
 
 
-@njit(cache=True, nogil=True)
-def build(chain: ChainArrays, task: TaskArrays, combo: NDArray[np.int64], s: Scratch) -> None:
+@kernel
+def build(
+    chain: ChainArrays, task: TaskArrays, combo: NDArray[np.int64], balls: bool, s: Scratch
+) -> None:
     """Directions, second-order norms and defects at the evaluated posture, into the scratch.
 
-    Expects ``s.model`` and ``s.inverse`` of the posture (see `posture.correct`).
+    Expects ``s.model`` and ``s.inverse`` of the posture (see `posture.correct`). With ``balls``
+    also the norm of second order in y, which costs as much as a fifth of a certificate and
+    matters where large corrections have to be proved.
     """
-    jacobian, inverse, d, tensor, curved = (
-        s.model.jacobian, s.inverse, s.directions, s.tensor, s.curved,
-    )  # fmt: skip
-    second, third, cubic = s.buffer[0], s.buffer[1], s.buffer[2]
+    jacobian, inverse, d, curved = s.model.jacobian, s.inverse, s.directions, s.curved
     pairs, mixed, defects, reach = s.pairs, s.mixed, s.defects, s.reach
     m, n = jacobian.shape
     k = combo.shape[0]
-    rows = CURVE + k - 1
-    hessian(chain, task, s.model, tensor)
     for j in range(k):
         row = 0 if j == 0 else CURVE + j - 1
         for i in range(n):
@@ -93,30 +107,21 @@ def build(chain: ChainArrays, task: TaskArrays, combo: NDArray[np.int64], s: Scr
                 value -= inverse[i, a] * jacobian[a, combo[j]]
             d[row, i] = value
         d[row, combo[j]] = 1.0
+        bend(chain, task, s.model, d[row], curved[j])
+        if j > 0:
+            total = 0.0
+            for a in range(m):
+                value = 0.0
+                for i in range(n):
+                    value += jacobian[a, i] * d[row, i]
+                total += value * value
+            defects[row] = math.sqrt(total)
     for i in range(n):
         square = 0.0
         for a in range(m):
-            value = inverse[i, a]
-            d[rows + a, i] = value
-            square += value * value
+            square += inverse[i, a] * inverse[i, a]
         reach[i] = math.sqrt(square)
-    # D_1 cancels H[D_0, D_0] / 2, D_2 what is left of the third order along the curve.
-    _bend(tensor, d, curved, 0)
-    for a in range(m):
-        second[a] = 0.5 * _dot(curved[a, 0], d[0])
-    _minus_product(inverse, second, d[1])
-    third_along(chain, task, s.model, d[0], third)
-    for a in range(m):
-        cubic[a] = third[a] / 6.0 + _dot(curved[a, 0], d[1])
-    _minus_product(inverse, cubic, d[2])
-    for row in range(rows):
-        total = 0.0
-        for a in range(m):
-            value = second[a] if row == 1 else cubic[a] if row == 2 else 0.0
-            for i in range(n):
-                value += jacobian[a, i] * d[row, i]
-            total += value * value
-        defects[row] = math.sqrt(total)
+    follow(chain, task, s.model, inverse, d, defects, s.buffer, s.series)
     total = 0.0
     for a in range(m):
         for b in range(m):
@@ -124,68 +129,60 @@ def build(chain: ChainArrays, task: TaskArrays, combo: NDArray[np.int64], s: Scr
             for i in range(n):
                 value += jacobian[a, i] * inverse[i, b]
             total += value * value
-    s.constants[1] = math.sqrt(total)
-    for row in range(1, rows + m):
-        _bend(tensor, d, curved, row)
-    for row in range(rows):
-        for col in range(row + 1):
-            pairs[row, col] = pairs[col, row] = math.sqrt(_square(curved, d, row, col))
-        total = 0.0
-        for a in range(m):
-            total += _square(curved, d, row, rows + a)
-        mixed[row] = math.sqrt(total)
-    # Cancelled by D_1 and D_2, but for their defects.
-    pairs[0, 0] = pairs[0, 1] = pairs[1, 0] = 0.0
+    s.fixed[0] = math.sqrt(total)
+    for j in range(k):
+        mixed[j] = _norm_of_product(curved[j], inverse, m)
+        for other in range(j):
+            total = 0.0
+            row = CURVE + j - 1
+            for a in range(m):
+                value = 0.0
+                for i in range(n):
+                    value += curved[other, a, i] * d[row, i]
+                total += value * value
+            pairs[j, other] = pairs[other, j] = math.sqrt(total)
+        if j > 0:
+            total = 0.0
+            for a in range(m):
+                value = 0.0
+                for i in range(n):
+                    value += curved[j, a, i] * d[CURVE + j - 1, i]
+                total += value * value
+            pairs[j, j] = math.sqrt(total)
+    s.fixed[3] = _square_of_corrections(chain, task, s) if balls else -1.0
+    second_slope(chain, task, s.model, s.series, s.slope)
+    mixed[k] = _norm_of_product(s.slope, inverse, task.position_rows.shape[0])
+    begin(chain, s.model.distance, d, s.majorant)
+
+
+@kernel
+def _square_of_corrections(chain: ChainArrays, task: TaskArrays, s: Scratch) -> float:
+    """Frobenius norm of ``H[A, A]``."""
+    inverse, slope, column = s.inverse, s.slope, s.box
+    n, m = inverse.shape
     total = 0.0
-    for a in range(m):
-        for b in range(a + 1):
-            total += (1.0 if a == b else 2.0) * _square(curved, d, rows + a, rows + b)
-    s.constants[0] = math.sqrt(total)
-
-
-@njit(cache=True, nogil=True, inline='always')
-def _dot(x: Array, y: Array) -> float:
-    total = 0.0
-    for i in range(x.shape[0]):
-        total += x[i] * y[i]
-    return total
-
-
-@njit(cache=True, nogil=True)
-def _minus_product(matrix: Array, x: Array, out: Array) -> None:
-    """Write ``-matrix x``."""
-    for i in range(matrix.shape[0]):
-        value = 0.0
-        for a in range(matrix.shape[1]):
-            value -= matrix[i, a] * x[a]
-        out[i] = value
-
-
-@njit(cache=True, nogil=True)
-def _bend(tensor: Array, directions: Array, curved: Array, row: int) -> None:
-    """Multiply the tensor by one direction."""
-    m, n = tensor.shape[0], tensor.shape[1]
-    for a in range(m):
+    for b in range(m):
         for i in range(n):
-            value = 0.0
-            for c in range(n):
-                value += tensor[a, i, c] * directions[row, c]
-            curved[a, row, i] = value
+            column[i] = inverse[i, b]
+        bend(chain, task, s.model, column, slope)
+        total += _norm_of_product(slope, inverse, m) ** 2
+    return math.sqrt(total)
 
 
-@njit(cache=True, nogil=True)
-def _square(curved: Array, directions: Array, row: int, col: int) -> float:
-    """Return ``|H[D_row, D_col]|^2`` from the tensor times ``D_row``."""
+@kernel
+def _norm_of_product(left: Array, right: Array, rows: int) -> float:
+    """Frobenius norm of the first rows of ``left right``."""
     total = 0.0
-    for a in range(curved.shape[0]):
-        value = 0.0
-        for i in range(curved.shape[2]):
-            value += curved[a, row, i] * directions[col, i]
-        total += value * value
-    return total
+    for a in range(rows):
+        for b in range(right.shape[1]):
+            value = 0.0
+            for i in range(right.shape[0]):
+                value += left[a, i] * right[i, b]
+            total += value * value
+    return math.sqrt(total)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def self_motion(
     chain: ChainArrays, q: Array, is_free: NDArray[np.bool_], cap: float, s: Scratch, out: Array
 ) -> None:
@@ -197,7 +194,7 @@ def self_motion(
     the limits. Expects the scratch of `build`.
     """
     jacobian, inverse, curved, tangent = s.model.jacobian, s.inverse, s.curved, s.directions[0]
-    wraps, lower, upper, work = chain.wraps, chain.lower, chain.upper, s.buffer[0]
+    wraps, lower, upper, work = chain.wraps, chain.lower, chain.upper, s.buffer
     m, n = jacobian.shape
     # lambda = (J W J^T)^-1 J t
     for a in range(m):
@@ -213,7 +210,7 @@ def self_motion(
             continue
         value = 0.0
         for a in range(m):
-            value += work[a] * curved[a, 0, i]
+            value += work[a] * curved[0, a, i]
         if not wraps[i]:
             value += limit_push(lower[i], upper[i], q[i]) * tangent[i] ** 2
         out[i] = value

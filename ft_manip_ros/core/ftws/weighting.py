@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from ft_manip_ros.core.chain import Array, ChainArrays
+from ft_manip_ros.core.compiled import kernel
 
 # Closer to a limit than this (rad or m), a joint is asked to contribute less.
 _LIMIT_ZONE = 0.4
@@ -17,7 +17,7 @@ _LEAST_WEIGHT = 1e-4
 _SINGULAR_DAMPING = 1e-8
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def cholesky(gram: Array) -> bool:
     """Factor a symmetric positive definite matrix in place (lower triangle)."""
     m = gram.shape[0]
@@ -36,7 +36,7 @@ def cholesky(gram: Array) -> bool:
     return True
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def cholesky_solve(factor: Array, x: Array) -> None:
     """Solve with the factor of `cholesky`, in place."""
     m = factor.shape[0]
@@ -52,7 +52,7 @@ def cholesky_solve(factor: Array, x: Array) -> None:
         x[i] = value / factor[i, i]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def limit_weights(chain: ChainArrays, q: Array, is_free: NDArray[np.bool_], out: Array) -> None:
     """Weight of each joint in the pseudo-inverse: 0 frozen, small near a limit, else 1."""
     wraps, lower, upper = chain.wraps, chain.lower, chain.upper
@@ -68,7 +68,7 @@ def limit_weights(chain: ChainArrays, q: Array, is_free: NDArray[np.bool_], out:
             out[i] = max(ratio * ratio, _LEAST_WEIGHT)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def limit_push(lower: float, upper: float, q: float) -> float:
     """Half the derivative of ``-1 / weight`` of `limit_weights`: away from the nearer limit."""
     zone = min(_LIMIT_ZONE, 0.5 * (upper - lower))
@@ -80,7 +80,7 @@ def limit_push(lower: float, upper: float, q: float) -> float:
     return push if below < above else -push
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def factor_weighted(jacobian: Array, weights: Array, gram: Array) -> bool:
     """Cholesky factor of ``J W J^T`` into ``gram`` (m, m), damped where singular.
 
@@ -104,7 +104,7 @@ def factor_weighted(jacobian: Array, weights: Array, gram: Array) -> bool:
     return False
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def weighted_inverse(jacobian: Array, weights: Array, factor: Array, inverse: Array) -> None:
     """Right inverse ``W J^T (J W J^T)^-1`` into ``inverse`` (n, m), from `factor_weighted`."""
     m, n = jacobian.shape

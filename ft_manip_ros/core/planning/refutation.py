@@ -110,7 +110,7 @@ def refute_goal(
         tolerance,
         boxes,
         np.empty((2, _STACK, total)),
-        make_scratch(total, m, 1),
+        make_scratch(total, m, 1, problem.oriented),
     )
     if outcome == 1:
         return Refutation(float(distance), None)
