@@ -89,9 +89,9 @@ class CollisionChecker:
         the joints between them can move the outer one in half the piece. Where all are farther
         apart than that (and the padding), the whole piece is free; else it is halved.
         """
-        chain, padding = self.bodies.chain, self.bodies.padding
+        padding = self.bodies.padding
         approach = self._approach_within(np.minimum(a, b), np.maximum(a, b))
-        s, t = chain.axis_positions(a), chain.axis_positions(b)
+        s, t = self._axes(a), self._axes(b)
         while True:
             count = scan_move(
                 self._bounding,
@@ -180,8 +180,11 @@ class CollisionChecker:
 
     def _scan(self, q: Array, wanted: Array) -> int:
         """Pairs that may be nearer than wanted, (P,), written into ``_open``, or `TOUCH`."""
-        s = self.bodies.chain.axis_positions(q)
-        return int(scan_posture(self._bounding, s, self._checked, wanted, self._open))
+        return int(scan_posture(self._bounding, self._axes(q), self._checked, wanted, self._open))
+
+    def _axes(self, q: Array) -> Array:
+        """Axis positions, of one kind of array: for others the kernels would be compiled anew."""
+        return np.array(self.bodies.chain.axis_positions(q))
 
     def _place(self, q: Array) -> None:
         bodies = self.bodies

@@ -71,6 +71,7 @@ class Moves:
         self._here, self._healthy, self._checker = here, healthy, checker
         self._straight, self._checks = straight, checks
         self._free: dict[Move, bool] = {}
+        self._unlinked: list[Move] = []  # free ones that the roadmap has not been told of
         self._added: dict[tuple[int, int], Array] = {}
         self._roadmap = Roadmap(limits, self._touches, np.random.default_rng(seed))
         self._nodes: dict[tuple[int, int], int] = {}
@@ -110,7 +111,9 @@ class Moves:
             return True
         if move not in self._free:
             self._free[move] = not self._touches(*self._ends(move))
-            if not self._free[move]:
+            if self._free[move]:
+                self._unlinked.append(move)
+            else:
                 self.added(move.before, move.goal)[move.a, move.b] = np.inf
         return self._free[move]
 
@@ -125,9 +128,9 @@ class Moves:
             return False
         begins = {self._node(before, a): a for a in starts}
         ends = {self._node(goal, b): b for b in range(len(self._groups[goal]))}
-        for known, free in self._free.items():
-            if free:
-                self._roadmap.link(self._node(*known[:2]), self._node(*known[2:]))
+        for known in self._unlinked:
+            self._roadmap.link(self._node(*known[:2]), self._node(*known[2:]))
+        self._unlinked.clear()
         found = self._roadmap.way(list(begins), list(ends), checks)
         if found is None:
             return False

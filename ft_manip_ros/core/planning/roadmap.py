@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import heapq
+import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from ft_manip_ros.core.chain import Array
@@ -18,6 +20,21 @@ _STEP = 0.2
 _GREED = 0.15
 # Nodes of the near side that the wanted postures are first tried from, each.
 _NEIGHBOURS = 4
+
+
+@njit(cache=True, nogil=True)
+def _write_lengths(
+    nodes: Array, q: Array, unlimited: NDArray[np.bool_], span: Array, out: Array
+) -> None:
+    """Lengths of the straight moves from some postures, (K, m), to another one, by ranges."""
+    for k in range(nodes.shape[0]):
+        total = 0.0
+        for i in range(q.shape[0]):
+            way = q[i] - nodes[k, i]
+            if unlimited[i]:
+                way -= round(way / FULL_TURN) * FULL_TURN
+            total += (way / span[i]) ** 2
+        out[k] = math.sqrt(total)
 
 
 class Roadmap:
@@ -67,8 +84,7 @@ class Roadmap:
 
     def link(self, a: int, b: int) -> None:
         """Take in that the straight move between two nodes is free."""
-        length = float(self._lengths(self._nodes[a], self._nodes[b]))
-        self._links[a][b] = self._links[b][a] = length
+        self._links[a][b] = self._links[b][a] = self._length(a, b)
         self._part[self._part == self._part[b]] = self._part[a]
 
     def way(self, starts: Sequence[int], ends: Sequence[int], checks: int) -> list[int] | None:
@@ -123,7 +139,7 @@ class Roadmap:
         target = self._nodes[goal]
         at: int | None = node
         while at is not None and self.checks < self._stop_at:
-            if self._lengths(self._nodes[at], target) <= _STEP:
+            if self._length(at, goal) <= _STEP:
                 if self._is_free(self._nodes[at], target):
                     self.link(at, goal)
                 return
@@ -133,7 +149,7 @@ class Roadmap:
         """Make one step from a node towards a posture; returns the new node if it is free."""
         here = self._nodes[node]
         way = travel(here, target, self._limits.unlimited)
-        length = float(self._lengths(here, target))
+        length = float(self._lengths(here[None, :], target)[0])
         if length == 0.0:
             return None
         there = here + way * min(1.0, _STEP / length)
@@ -162,9 +178,13 @@ class Roadmap:
         places = np.flatnonzero(among)
         return places[np.argsort(self._lengths(self._nodes[places], q), kind='stable')]
 
-    def _lengths(self, a: Array, b: Array) -> Array:
-        way = travel(a, b, self._limits.unlimited) / self._span
-        return np.asarray(np.sqrt(np.einsum('...i,...i', way, way)))
+    def _lengths(self, nodes: Array, q: Array) -> Array:
+        out = np.empty(len(nodes))
+        _write_lengths(nodes, q, self._limits.unlimited, self._span, out)
+        return out
+
+    def _length(self, a: int, b: int) -> float:
+        return float(self._lengths(self._nodes[a : a + 1], self._nodes[b])[0])
 
     def _shortest(self, starts: Sequence[int], ends: Sequence[int]) -> list[int]:
         """Nodes of the shortest way along the links (Dijkstra)."""
