@@ -14,8 +14,9 @@ from ft_manip_ros.core.planning.pair_distance import closer_look, segment_distan
 # Instead of a number of open questions: bodies touch; there are more than there is room for.
 TOUCH = -1
 NO_ROOM = -2
-# Halvings of a move before what capsules and hulls do not settle is left open.
-_PATIENCE = 6
+# Where bodies approach each other by less than this (m) within half a piece, what capsules and
+# hulls do not settle is left open: in smaller pieces they would say the same.
+_NEAR = 0.01
 
 
 @njit(cache=True, nogil=True)
@@ -171,7 +172,7 @@ def scan_move(
                 continue
             if upper <= padding or (upper <= wanted and level == halvings):
                 return TOUCH
-            if level == halvings or (lower <= padding and level >= _PATIENCE):
+            if level == halvings or (lower <= padding and wanted <= padding + _NEAR):
                 if found == pairs.shape[0]:
                     return NO_ROOM
                 pieces[found, 0], pieces[found, 1], pairs[found] = begin, begin + 2.0 * half, k
