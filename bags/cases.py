@@ -19,6 +19,8 @@ class Case:
         As the nodes' parameters.
     locks
         (joint, time in s from the start of the motion) of the failures.
+    slow
+        Joint that becomes sluggish, when, and how late (s) it is in the end.
     corrupt
         (kind, joint, time) of a fault that the simulated arm has no service for: the driver
         between arm and topic makes it (`story.Driver`).
@@ -39,6 +41,7 @@ class Case:
     tip: str = ''
     task: str = 'paredis_eq_11'
     locks: tuple[tuple[str, float], ...] = ()
+    slow: tuple[str, float, float] | None = None
     corrupt: tuple[str, str, float] | None = None
     manual: str = ''
     sim: Mapping[str, Any] = field(default_factory=dict)
@@ -93,6 +96,14 @@ _ALL = (
         'reported.',
         corrupt=('late', 'joint_3', 1.0),
         seed=12,
+    ),
+    Case(
+        'sluggish_joint',
+        'One joint falls behind its command by a quarter of a second: SLUGGISH, never LOCKED, and '
+        'the task goes on.',
+        task='rounds',
+        slow=('joint_2', 6.0, 0.25),
+        seed=13,
     ),
     Case(
         'manual_freeze',

@@ -178,6 +178,11 @@ def _tell(
         request = InjectFault.Request(joint=joint, kind=InjectFault.Request.LOCK)
         request.delay = max(began * 1e-9 + moment - observer.now() * 1e-9, 0.0)
         observer.call(InjectFault, topics.INJECT_FAULT, request, timeout=5.0)
+    if case.slow:
+        joint, moment, lag = case.slow
+        request = InjectFault.Request(joint=joint, kind=InjectFault.Request.SLUGGISH, lag=lag)
+        request.delay = max(began * 1e-9 + moment - observer.now() * 1e-9, 0.0)
+        observer.call(InjectFault, topics.INJECT_FAULT, request, timeout=5.0)
     if case.manual:
         observer.until(lambda: observer.now() > began + _SECOND, 5.0, 'the motion')
         freeze = FreezeJoint.Request(joint=case.manual, at_measured=True, reason='brake set')

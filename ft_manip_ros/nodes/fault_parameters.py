@@ -14,7 +14,7 @@ _SETTINGS = {
     'sensitivity': ('', 0.05, 100.0, 'Scales every lock threshold: 2 needs twice the evidence.'),
     'confirm_s': ('s', 0.0001, 10.0, 'A joint must have shown no motion for this long.'),
     'confirm_samples': ('', 2, 10_000, 'And over so many samples.'),
-    'lag_prior_s': ('s', 0.001, 10.0, 'Tracking lag granted until a lag has been learned.'),
+    'lag_prior_s': ('s', 0.001, 10.0, 'Tracking lag granted to every joint at any time.'),
     'slack_revolute': (
         'rad',
         1e-5,

@@ -67,9 +67,9 @@ def lock_stage_of(
 def _executed(memory: Memory, i: int, live: bool) -> bool:
     """Tell whether the arm is seen to execute the command that joint ``i`` does not follow.
 
-    Another joint that follows its own command shows that. Where it set out late, because the arm
-    took up its command later than was thought, joint ``i`` is granted that time, too. A joint
-    that has moved since its command left rest shows it itself.
+    Another joint that follows its own command shows that. Where both had to set out together and
+    it did so late, because the arm took up its command later than was thought, joint ``i`` is
+    granted that time, too. A joint that has moved since its command left rest shows it itself.
     """
     s = memory.settings[0]
     r = memory.joints[i]
@@ -91,7 +91,8 @@ def _executed(memory: Memory, i: int, live: bool) -> bool:
         if abs(other.command_speed) >= other.moving_speed or asked:
             commanded += 1
         if other.still_since >= r.suspect_since and _follows(memory, j):
-            late = other.start_late if other.started >= r.departed else 0.0
+            together = other.started >= r.departed and other.departed > r.departed - _RECENT
+            late = other.start_late if together else 0.0
             lateness = min(lateness, late)
     if lateness < np.inf:
         return r.taken_up or r.t - r.reached_since >= _LATE_MARGIN * lateness - r.lag_used

@@ -133,7 +133,7 @@ def _accept(memory: Memory, j: int, t: float, q: float, v: float, e: float) -> i
         r.period += (dt - r.period) / min(float(r.period_n), 50.0)
     if np.isnan(r.depart_q):
         r.depart_q = q
-    if observe_stillness(r, s, arm.load, ring_t, ring_c, t, q, v, s.lag_prior_s):
+    if observe_stillness(r, s, arm.load, ring_t, ring_c, memory.cells[j], t, q, v):
         r.has_moved = r.has_sample and dt > 0.0
         r.taken_up = r.taken_up or abs(q - r.depart_q) > r.slack
     if r.state == _LATCHED[0] or r.state == _LATCHED[1]:

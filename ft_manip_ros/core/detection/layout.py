@@ -14,6 +14,8 @@ from ft_manip_ros.core.detection.states import JointState
 from ft_manip_ros.core.joint import Joint
 
 RING = 512  # command samples kept for each joint
+HISTORY = 1.0  # s, that they span at least
+CELLS = 16  # lags that a stillness window tells apart
 PAST = 128  # position samples kept for each joint
 NO_TIME = -1.0e18  # s, before anything
 # Tracking lags (s) that are compared with one another; the prior is beyond the usual ones.
@@ -37,6 +39,8 @@ _FLAGS = (
     'untrusted',
     'taken_up',
     'through',
+    'weighing',
+    'keeps_pace',
     'catch_through',
 )
 _COUNTS = (
@@ -108,7 +112,10 @@ _NUMBERS = (
     # the command
     'command',
     'command_speed',
+    'ring_step',
     'command_mean',
+    'pace_t',
+    'pace_q',
     'command_rest_since',
     'command_rest_value',
     'departed',
@@ -126,16 +133,16 @@ _NUMBERS = (
     'still_sum',
     'still_time',
     'late_mean',
-    'c_lo',
-    'c_hi',
-    'span',
-    'span_since',
+    'look_lag',
+    'look_lo',
+    'look_hi',
+    'rest_lo',
+    'rest_hi',
+    'weigh_since',
     'way',
-    'c_begin',
-    'begin_speed',
-    'ahead',
     'lag_used',
     'missing',
+    'missing_since',
     'threshold',
     'band',
     'suspect_since',
@@ -231,6 +238,7 @@ class Memory(NamedTuple):
     raw: NDArray[np.float64]  # (n, 3), position, velocity and effort as last reported
     past_t: NDArray[np.float64]  # (n, PAST), s, latest samples of joints without command
     past_q: NDArray[np.float64]  # (n, PAST), rad or m
+    cells: NDArray[np.float64]  # (n, 4, CELLS), of `lateness`
 
 
 def allocate(
@@ -271,9 +279,19 @@ def allocate(
     records['state'] = JointState.IDLE
     for name in _UNKNOWN:
         records[name] = np.nan
-    for name in ('t', 't_1', 't_2', 'last_jerk', 'command_rest_since', 'departed', 'started'):
+    for name in (
+        't',
+        't_1',
+        't_2',
+        'last_jerk',
+        'command_rest_since',
+        'departed',
+        'started',
+        'pace_t',
+    ):
         records[name] = NO_TIME
     records['lag_high'] = settings.lag_prior_s
+    records['ring_step'] = max(HISTORY, 3.0 * settings.lag_prior_s) / RING
     arm = np.zeros(1, dtype=ARM)
     arm['now'] = NO_TIME
     numbers = np.array([tuple(asdict(settings).values())], dtype=SETTINGS)
@@ -289,4 +307,5 @@ def allocate(
         np.full((n, 3), np.nan),
         np.zeros((n, PAST)),
         np.zeros((n, PAST)),
+        np.zeros((n, 4, CELLS)),
     )

@@ -21,7 +21,7 @@ class MonitorSettings:
     confirm_s, confirm_samples
         A joint must have shown no motion for this long (s) and over so many samples.
     lag_prior_s
-        Tracking lag (s) granted to a joint whose lag has not been learned yet.
+        Tracking lag (s) granted to every joint at any time, however suddenly it became so late.
     slack_revolute, slack_prismatic
         Commanded motion that a healthy joint may swallow (backlash, friction, dynamic tracking
         error) until its own tracking has been learned; also the most that is ever learned.
@@ -67,7 +67,7 @@ class MonitorSettings:
     lag_prior_s: float = 0.3
     slack_revolute: float = 0.008
     slack_prismatic: float = 0.003
-    slack_unproved_factor: float = 2.0
+    slack_unproved_factor: float = 1.5
     slack_least_revolute: float = 0.0015
     slack_least_prismatic: float = 0.0005
     still_revolute: float = 1e-4

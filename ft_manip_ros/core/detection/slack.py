@@ -1,9 +1,9 @@
 """Compiled: how much commanded motion a healthy joint swallows, learned from what it swallowed.
 
 Backlash and friction swallow motion where a joint starts or turns, hardly any while it goes on in
-one direction; a changing load may hide motion that is slow enough. So there are two slacks: that
-of the *way*, for a joint that was following until its window began and whose command went
-straight on, and that of the *start*, for everything else.
+one direction; a changing load may hide motion that is slow enough. So there are two thresholds:
+that of the *way*, for a joint whose command went straight on, and that of the *start*, for
+everything else.
 """
 
 from __future__ import annotations
@@ -12,13 +12,21 @@ from typing import Any
 
 import numba
 
+_BANDS = 3.0  # half widths of stillness that count as nothing
+_WAY_BANDS = 4.0  # on the way a step of the encoder more is missing
 _TRUST_AFTER = 5.0  # s of motion until a joint's own tracking replaces the prior slack
-_STARTS = 2  # starts until a joint's own ones replace the prior slack
+_STARTS = 2  # starts until a joint counts as proved
+_MANY_STARTS = 10  # starts until its own ones replace the prior slack
+_OWN_STARTS = 0.5  # of the prior slack, at least, then
 _MARGIN = 2.0  # times what was ever swallowed
 _LOAD_TIME = 0.05  # s within which a load may come to hide motion of the prior slack
-_WANDER = 1.5  # s within which loads do not change much
 _LOAD_MARGIN = 1.5
-_MOST_LOAD = 5.0  # times the prior slack
+_MOST_LOAD = 1.75  # times the prior slack: more, to within a band, no load hides
+_MOST_SEEN = 3.0  # the same of an arm whose loads were seen to sag
+_SLOW = (0.2, 0.5)  # s from which on a load never seen before may hide more, and the most
+_SLOW_SHARE = 0.375  # of the prior slack more, then, and
+_SLOW_BANDS = 2.0  # half widths of stillness: a wide band hides how the load comes
+_LOAD_BANDS = 1.5  # of them count as nothing beside a load
 _MEMORY = 300.0  # s
 _REST = 0.2  # s of stillness that make the next motion a start
 _NEWS = 0.1  # of the slack: less is not looked at
@@ -29,40 +37,57 @@ _SUSPECTED = 0.5  # level
 
 
 @numba.njit(cache=True, nogil=True)
-def load_of(r: Any, load: float, lasting: float) -> float:
-    """Motion that a changing load may hide for ``lasting`` (s); ``load``: sag seen at rest."""
-    most = min(max(r.slack, _LOAD_MARGIN * load), _MOST_LOAD * r.slack)
-    hidden = min(r.slack * lasting / _LOAD_TIME, most)
-    if lasting > _WANDER:
-        # On joints whose tracking is seen to wander, slow loads hide more.
-        slow = r.slack * lasting / _WANDER
-        hidden = max(hidden, min(_MARGIN * r.envelope, slow))
-    return hidden
-
-
-@numba.njit(cache=True, nogil=True)
-def slack_of_start(r: Any, unproved_factor: float, load: float, lasting: float) -> float:
-    """Slack of a joint that starts or turns (rad or m).
+def load_of(r: Any, load: float, base: float, lasting: float) -> float:
+    """Motion (rad or m) that a changing load may hide, to within the band.
 
     Parameters
     ----------
+    load
+        Sag seen at rest, rad or m.
+    base
+        Half width (rad or m) inside which the joint stands still.
     lasting
-        Time (s) for which its command has been moving without it.
+        Time (s) for which the motion is missing.
     """
-    if r.ring_n == 0:
-        return r.slack
-    prior = r.slack
-    if r.starts < _STARTS:
-        prior *= unproved_factor
-    return max(prior, max(_MARGIN * r.swallow_start, load_of(r, load, lasting)))
+    slow = min(max(lasting - _SLOW[0], 0.0) / (_SLOW[1] - _SLOW[0]), 1.0)
+    most = r.slack + (_SLOW_SHARE * r.slack + _SLOW_BANDS * base) * slow
+    most = min(most, _MOST_LOAD * r.slack)
+    most = max(most, min(_LOAD_MARGIN * load, _MOST_SEEN * r.slack))
+    return min(r.slack * lasting / _LOAD_TIME, most) + _LOAD_BANDS * base
 
 
 @numba.njit(cache=True, nogil=True)
-def slack_of_way(r: Any, load: float, lasting: float) -> float:
-    """Slack of a joint on its way (rad or m) that has been standing still for ``lasting`` (s)."""
+def threshold_of_start(
+    r: Any, unproved_factor: float, load: float, base: float, lasting: float
+) -> float:
+    """Missing motion (rad or m) that locks a joint that starts, turns or arrives.
+
+    Parameters
+    ----------
+    unproved_factor
+        Multiplies the slack of a joint that was not yet seen to set out.
+    load
+        Sag seen at rest, rad or m.
+    base
+        Half width (rad or m) inside which the joint stands still.
+    lasting
+        Time (s) for which its command has been moving without it.
+    """
+    slack = r.slack
+    if r.starts < _STARTS:
+        slack *= unproved_factor
+    elif r.starts >= _MANY_STARTS:
+        slack *= _OWN_STARTS
+    slack = max(slack, _MARGIN * r.swallow_start)
+    return max(slack + _BANDS * base, load_of(r, load, base, lasting))
+
+
+@numba.njit(cache=True, nogil=True)
+def threshold_of_way(r: Any, load: float, base: float, lasting: float) -> float:
+    """Missing motion (rad or m) that locks a joint on its way; parameters as for the start."""
     slack = max(r.slack_least, _MARGIN * r.swallow_way)
-    prior = r.slack * max(0.0, 1.0 - r.moved_s / _TRUST_AFTER)
-    return max(max(slack, prior), load_of(r, load, lasting))
+    slack = max(slack, r.slack * max(0.0, 1.0 - r.moved_s / _TRUST_AFTER))
+    return max(slack + _WAY_BANDS * base, load_of(r, load, base, lasting))
 
 
 @numba.njit(cache=True, nogil=True)
@@ -76,7 +101,7 @@ def note_swallowed(r: Any, t: float, q: float, level: float) -> None:
         # Before its lag is known, nobody can tell what it swallows.
         if r.lag_known and (rested or (q - r.still_q) * r.way < 0.0):
             r.starts += 1
-    missing = max(r.span, r.ahead)
+    missing = r.missing
     if missing <= max(_NEWS * r.slack, 2.0 * r.band):
         return
     if r.catch_missing > missing and t - r.catch_t < _CATCH_TIME:

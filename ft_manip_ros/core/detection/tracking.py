@@ -21,17 +21,22 @@ _ENVELOPE_MEMORY = 120.0  # s of motion
 _PACE = 20.0  # times the slowest motion: where lag begins to show
 _RESTED = 0.3  # s for which a command rests before it departs anew
 _AS_GOOD = 1.1  # ratio of variances below which two lags explain the motion alike
+_PACE_TIME = 0.1  # s over which a joint's way is compared with its command's
+_PACE_MARGIN = 0.3  # of its command's way
 
 
 @numba.njit(cache=True, nogil=True)
 def remember_command(r: Any, ring_t: Array, ring_c: Array, t: float, c: float) -> None:
-    """Append the command ``c`` at time ``t`` to a joint's history; NaN ends it."""
+    """Append the command ``c`` at time ``t`` to a joint's history; NaN ends it.
+
+    Commands closer than ``ring_step`` are passed over, so that the history is longer than every
+    lag, whatever the sample rate.
+    """
     if np.isnan(c):
         r.ring_n = 0
         r.command = c
         r.command_speed = 0.0
         return
-    span = 0.4 / RING  # a history longer than every lag, whatever the sample rate
     if r.ring_n > 0:
         newest = (r.ring_head - 1) % RING
         dt = t - ring_t[newest]
@@ -40,7 +45,7 @@ def remember_command(r: Any, ring_t: Array, ring_c: Array, t: float, c: float) -
         if dt > 1.0:
             # A gap: nothing is known of the command in between.
             r.ring_n = 0
-        elif dt < span:
+        elif dt < r.ring_step:
             r.command = c
             return
     if not np.isnan(r.command) and r.ring_n > 0:
@@ -74,7 +79,7 @@ def command_at(r: Any, ring_t: Array, ring_c: Array, t: float) -> float:
     # Samples are nearly uniform: guess, then walk.
     back = 0
     if r.period > 0.0:
-        back = min(max(int((ring_t[k] - t) / max(r.period, 0.4 / RING)) - 1, 0), r.ring_n - 1)
+        back = min(max(int((ring_t[k] - t) / max(r.period, r.ring_step)) - 1, 0), r.ring_n - 1)
         while back > 0 and ring_t[(r.ring_head - 1 - back) % RING] < t:
             back -= 1
     while back < r.ring_n:
@@ -131,6 +136,55 @@ def learn_noise(r: Any, t: float, q: float) -> None:
 
 
 @numba.njit(cache=True, nogil=True)
+def _watch_pace(r: Any, ring_t: Array, ring_c: Array, most: float, t: float, q: float) -> None:
+    """Note whether the joint moves as its command did at some lag up to ``most`` (s).
+
+    A late joint does, however late it is. One that drifts against its command passes for a while
+    through the same places, but not at the same speed: it falls back, stands, or moves the other
+    way. So a greater lag is learned only from joints that keep pace.
+    """
+    since = t - r.pace_t
+    if since < _PACE_TIME:
+        return
+    least, greatest = np.inf, -np.inf
+    for lag in (0.0, 0.5 * most, most):
+        way = command_at(r, ring_t, ring_c, t - lag) - command_at(
+            r, ring_t, ring_c, r.pace_t - lag
+        )
+        # Comparisons with an unknown command are false.
+        if way < least:
+            least = way
+        if way > greatest:
+            greatest = way
+    margin = _PACE_MARGIN * max(abs(least), abs(greatest))
+    r.keeps_pace = least - margin <= q - r.pace_q <= greatest + margin
+    r.pace_t = t
+    r.pace_q = q
+
+
+@numba.njit(cache=True, nogil=True)
+def _learn_envelope(
+    r: Any, ring_t: Array, ring_c: Array, t: float, where: float, dt: float
+) -> None:
+    """Learn how far the joint strays from its command: what no believable lag explains.
+
+    Lag itself is allowed for where evidence is weighed.
+
+    Parameters
+    ----------
+    where
+        Position less the learned offset, rad or m.
+    """
+    early = command_at(r, ring_t, ring_c, t - r.lag_low)
+    late = command_at(r, ring_t, ring_c, t - r.lag_high)
+    c = command_at(r, ring_t, ring_c, t - r.lag)
+    if not np.isnan(late):
+        c = min(max(where, min(early, late)), max(early, late))
+    away = max(abs(where - c) - 3.0 * noise_of(r), 0.0)
+    r.envelope = max(away, r.envelope * (1.0 - dt / _ENVELOPE_MEMORY))
+
+
+@numba.njit(cache=True, nogil=True)
 def learn_tracking(
     r: Any, ring_t: Array, ring_c: Array, mean: Array, var: Array, lags: Array, t: float, q: float
 ) -> None:
@@ -141,10 +195,17 @@ def learn_tracking(
     """
     if r.ring_n < 3 or abs(r.command_speed) < r.moving_speed:
         return
+    _watch_pace(r, ring_t, ring_c, lags[-1], t, q)
+    near = True
     if r.lag_known:
-        c = command_at(r, ring_t, ring_c, t - r.lag)
-        if abs(q - c - r.offset) > 0.5 * r.runaway_distance:
-            # Too far away to be taken for tracking: nothing of this is learned.
+        reach = 0.5 * r.runaway_distance
+        low = high = command_at(r, ring_t, ring_c, t - r.lag)
+        near = abs(q - r.offset - low) <= reach
+        for lag in (0.0, 0.5 * lags[-1], lags[-1]):
+            c = command_at(r, ring_t, ring_c, t - lag)
+            low, high = min(low, c), max(high, c)
+        if not near and not (r.keeps_pace and low - reach <= q - r.offset <= high + reach):
+            # Too far away to be taken for tracking, or leaving: nothing of this is learned.
             return
     dt = min(t - r.t_1, 0.2)
     # Slow motion says little about lag, and much about sag and friction.
@@ -200,14 +261,8 @@ def learn_tracking(
         r.follow_var += (square - r.follow_var) / min(float(r.follow_n), _NOISE_MEMORY)
     r.follow_1 = q - c
     r.follow_t = t
-    # What no believable lag explains; lag itself is allowed for where evidence is weighed.
-    early = command_at(r, ring_t, ring_c, t - r.lag_low)
-    late = command_at(r, ring_t, ring_c, t - r.lag_high)
-    where = q - r.offset
-    if not np.isnan(late):
-        c = min(max(where, min(early, late)), max(early, late))
-    away = max(abs(where - c) - 3.0 * noise_of(r), 0.0)
-    r.envelope = max(away, r.envelope * (1.0 - dt / _ENVELOPE_MEMORY))
+    if near:
+        _learn_envelope(r, ring_t, ring_c, t, q - r.offset, dt)
     if not r.lag_known:
         r.lag_known = True
         r.lag_first = r.lag_high
