@@ -8,8 +8,11 @@ and one that stops on its way misses everything, whatever its lag. No lag has to
 The lags from 0 to ``lag_used`` are looked at in cells. All lags of a cell share the command from
 s - (its least lag) to t - (its greatest), so its range there is never more than any of them gives.
 
-A joint that was seen to follow tells more: what is not where a lag would have it does not follow
-by that lag. Lags that the joint's place refutes do not count, unless it refutes all of them.
+A joint that was seen to follow tells more: what is not where a lag would have it, or did not come
+there as that lag's command did, does not follow by that lag. Lags that the joint's place or its
+way refute do not count, unless all of them are refuted. On the way at one speed all lags pass,
+and miss alike; a joint that stops while its command gets faster or slower cannot be late by a lag
+of another speed.
 
 While the command rests its lag may change unseen, over a tool that is picked up or a bus that gets
 busy. So once it has rested for ``lag_used``, the cells go on from there, with what the best of
@@ -24,18 +27,21 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from ft_manip_ros.core.detection.layout import CELLS, RING
+from ft_manip_ros.core.detection.layout import CELLS, NO_TIME, RING
 from ft_manip_ros.core.detection.tracking import command_at
 
 Array = NDArray[np.float64]
 
 # Rows of a joint's cells: range of the command; its speed along the joint's way as the window
-# began; 1 where the joint stood where these lags would have it then, otherwise 0.
+# began; 1 where the joint was, and came, as these lags would have it then, otherwise 0.
 LOW: Final = 0
 HIGH: Final = 1
 SPEED: Final = 2
-THERE: Final = 3
+BELIEVED: Final = 3
 
+_WAY_TIME: Final = 0.05  # s at least, over which the joint's way is compared with its command's
+_WAY_SHARE: Final = 0.3  # of its command's way that it may differ by, and
+_WAY_BANDS: Final = 3.0  # half widths of stillness more
 _SPEED_TIME: Final = 0.04  # s over which the command's speed is measured
 _STRAIGHT_ON: Final = 0.6  # of its speed before, at least, or the command is turning or arriving
 
@@ -49,8 +55,37 @@ def _way_speed(r: Any, ring_t: Array, ring_c: Array, t: float) -> float:
 
 
 @numba.njit(cache=True, nogil=True)
+def remember_way(r: Any, t: float, q: float) -> None:
+    """Keep where the joint was at least `_WAY_TIME` ago; after a gap nothing is known."""
+    if r.still_n == 0:
+        r.before_t = NO_TIME
+        r.anchor_t, r.anchor_q = t, q
+    elif t - r.anchor_t >= _WAY_TIME:
+        r.before_t, r.before_q = r.anchor_t, r.anchor_q
+        r.anchor_t, r.anchor_q = t, q
+
+
+@numba.njit(cache=True, nogil=True)
+def _came_so(
+    r: Any, ring_t: Array, ring_c: Array, least: float, greatest: float, margin: float
+) -> bool:
+    """Tell whether a lag of a cell explains the joint's way until its window began."""
+    way = r.still_q - r.came_q
+    low, high = np.inf, -np.inf
+    for lag in (least, greatest):
+        wanted = command_at(r, ring_t, ring_c, r.still_since - lag) - command_at(
+            r, ring_t, ring_c, r.came_t - lag
+        )
+        if np.isnan(wanted):
+            return True
+        low, high = min(low, wanted), max(high, wanted)
+    margin += _WAY_SHARE * max(abs(low), abs(high))
+    return bool(low - margin <= way <= high + margin)
+
+
+@numba.njit(cache=True, nogil=True)
 def begin_cells(
-    r: Any, ring_t: Array, ring_c: Array, cells: Array, t: float, reach: float
+    r: Any, ring_t: Array, ring_c: Array, cells: Array, t: float, reach: float, base: float
 ) -> None:
     """Fill the cells with what the history holds since ``weigh_since``.
 
@@ -58,8 +93,13 @@ def begin_cells(
     ----------
     reach
         Distance (rad or m) of the joint from where a lag would have it that refutes that lag.
+    base
+        Half width (rad or m) inside which the joint stands still.
     """
     where = r.still_q - r.offset
+    # What rested since may be late by another lag than it came with.
+    came = r.weigh_since == r.still_since and r.came_t > NO_TIME
+    margin = r.slack_least + _WAY_BANDS * base
     width = r.lag_used / CELLS
     for i in range(CELLS):
         begin = r.weigh_since - i * width
@@ -81,13 +121,15 @@ def begin_cells(
         cells[LOW, i] = low
         cells[HIGH, i] = high
         cells[SPEED, i] = _way_speed(r, ring_t, ring_c, begin)
-        cells[THERE, i] = 1.0
+        cells[BELIEVED, i] = 1.0
         if r.lag_known:
             early = command_at(r, ring_t, ring_c, begin)
             late = command_at(r, ring_t, ring_c, begin - width)
             # Comparisons with an unknown command are false.
             if where < min(early, late) - reach or where > max(early, late) + reach:
-                cells[THERE, i] = 0.0
+                cells[BELIEVED, i] = 0.0
+        if came and not _came_so(r, ring_t, ring_c, i * width, (i + 1) * width, margin):
+            cells[BELIEVED, i] = 0.0
 
 
 @numba.njit(cache=True, nogil=True)
@@ -121,7 +163,7 @@ def rest_cells(r: Any, cells: Array, t: float) -> None:
         cells[LOW, i] = cells[LOW, best]
         cells[HIGH, i] = cells[HIGH, best]
         cells[SPEED, i] = 0.0
-        cells[THERE, i] = 1.0
+        cells[BELIEVED, i] = 1.0
     r.weigh_since = t
 
 
@@ -146,9 +188,9 @@ def weigh_cells(
     """
     width = r.lag_used / CELLS
     least = np.inf
-    nowhere = cells[THERE].max() == 0.0
+    nowhere = cells[BELIEVED].max() == 0.0
     for i in range(CELLS):
-        if cells[THERE, i] == 0.0 and not nowhere:
+        if cells[BELIEVED, i] == 0.0 and not nowhere:
             continue
         missing = max(cells[HIGH, i] - cells[LOW, i], 0.0)
         straight = cells[SPEED, i] >= r.moving_speed

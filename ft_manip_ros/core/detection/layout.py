@@ -15,7 +15,7 @@ from ft_manip_ros.core.joint import Joint
 
 RING = 512  # command samples kept for each joint
 HISTORY = 1.0  # s, that they span at least
-CELLS = 16  # lags that a stillness window tells apart
+CELLS = 24  # lags that a stillness window tells apart
 PAST = 128  # position samples kept for each joint
 NO_TIME = -1.0e18  # s, before anything
 # Tracking lags (s) that are compared with one another; the prior is beyond the usual ones.
@@ -140,6 +140,12 @@ _NUMBERS = (
     'rest_hi',
     'weigh_since',
     'way',
+    'anchor_t',
+    'anchor_q',
+    'before_t',
+    'before_q',
+    'came_t',
+    'came_q',
     'lag_used',
     'missing',
     'missing_since',
@@ -288,6 +294,9 @@ def allocate(
         'departed',
         'started',
         'pace_t',
+        'anchor_t',
+        'before_t',
+        'came_t',
     ):
         records[name] = NO_TIME
     records['lag_high'] = settings.lag_prior_s

@@ -19,6 +19,7 @@ _STARTS = 2  # starts until a joint counts as proved
 _MANY_STARTS = 10  # starts until its own ones replace the prior slack
 _OWN_STARTS = 0.5  # of the prior slack, at least, then
 _MARGIN = 2.0  # times what was ever swallowed
+_TURN = 1.5  # times what was swallowed on the way
 _LOAD_TIME = 0.05  # s within which a load may come to hide motion of the prior slack
 _LOAD_MARGIN = 1.5
 _MOST_LOAD = 1.75  # times the prior slack: more, to within a band, no load hides
@@ -32,7 +33,6 @@ _REST = 0.2  # s of stillness that make the next motion a start
 _NEWS = 0.1  # of the slack: less is not looked at
 _CAUGHT_UP = 0.5  # of the missing motion
 _CATCH_TIME = 2.0  # s
-_JERK = 0.75  # of the slack, swallowed on the way
 _SUSPECTED = 0.5  # level
 
 
@@ -58,7 +58,7 @@ def load_of(r: Any, load: float, base: float, lasting: float) -> float:
 
 @numba.njit(cache=True, nogil=True)
 def threshold_of_start(
-    r: Any, unproved_factor: float, load: float, base: float, lasting: float
+    r: Any, unproved_factor: float, load: float, base: float, lasting: float, swallowed: float
 ) -> float:
     """Missing motion (rad or m) that locks a joint that starts, turns or arrives.
 
@@ -72,27 +72,41 @@ def threshold_of_start(
         Half width (rad or m) inside which the joint stands still.
     lasting
         Time (s) for which its command has been moving without it.
+    swallowed
+        Motion (rad or m) that such a joint really swallowed and then made up for.
     """
     slack = r.slack
     if r.starts < _STARTS:
         slack *= unproved_factor
     elif r.starts >= _MANY_STARTS:
         slack *= _OWN_STARTS
-    slack = max(slack, _MARGIN * r.swallow_start)
+    slack = max(slack, _MARGIN * swallowed)
     return max(slack + _BANDS * base, load_of(r, load, base, lasting))
 
 
 @numba.njit(cache=True, nogil=True)
-def threshold_of_way(r: Any, load: float, base: float, lasting: float) -> float:
+def threshold_of_way(r: Any, load: float, base: float, lasting: float, swallowed: float) -> float:
     """Missing motion (rad or m) that locks a joint on its way; parameters as for the start."""
-    slack = max(r.slack_least, _MARGIN * r.swallow_way)
+    slack = max(r.slack_least, _MARGIN * swallowed)
     slack = max(slack, r.slack * max(0.0, 1.0 - r.moved_s / _TRUST_AFTER))
     return max(slack + _WAY_BANDS * base, load_of(r, load, base, lasting))
 
 
 @numba.njit(cache=True, nogil=True)
-def note_swallowed(r: Any, t: float, q: float, level: float) -> None:
-    """Remember what was missing as a window ends, until the joint is seen to have caught up."""
+def swallowed_at_start(r: Any) -> float:
+    """Motion (rad or m) that the joint really swallowed where it starts, turns or arrives.
+
+    What sticks on its way does so there, too, and at a turn on either side.
+    """
+    return max(r.swallow_start, _TURN * r.swallow_way)
+
+
+@numba.njit(cache=True, nogil=True)
+def note_swallowed(r: Any, s: Any, load: float, base: float, t: float, q: float) -> None:
+    """Remember what was missing as a window ends, until the joint is seen to have caught up.
+
+    How much that is for a joint, is measured by what one may swallow that was never seen to.
+    """
     if not r.through and abs(r.command_speed) >= r.moving_speed:
         rested = r.still_time > _REST
         if rested:
@@ -108,7 +122,12 @@ def note_swallowed(r: Any, t: float, q: float, level: float) -> None:
         return
     r.catch_q = r.still_q
     r.catch_missing = missing
-    r.catch_level = level
+    if r.through:
+        usual = threshold_of_way(r, load, base, t - r.still_since, 0.0)
+    else:
+        lasting = t - r.missing_since
+        usual = threshold_of_start(r, s.slack_unproved_factor, load, base, lasting, 0.0)
+    r.catch_level = missing / (s.sensitivity * usual)
     r.catch_through = r.through
     r.catch_t = t
 
@@ -127,9 +146,8 @@ def learn_swallowed(r: Any, t: float, q: float) -> bool:
         r.swallow_way = max(r.swallow_way, r.catch_missing)
     else:
         r.swallow_start = max(r.swallow_start, r.catch_missing)
-    jerk = r.catch_level >= _SUSPECTED or (r.catch_through and r.catch_missing > _JERK * r.slack)
     r.catch_missing = 0.0
-    return bool(jerk)
+    return bool(r.catch_level >= _SUSPECTED)
 
 
 @numba.njit(cache=True, nogil=True)

@@ -17,11 +17,13 @@ from numpy.typing import NDArray
 from ft_manip_ros.core.detection.lateness import (
     advance_cells,
     begin_cells,
+    remember_way,
     rest_cells,
     weigh_cells,
 )
 from ft_manip_ros.core.detection.slack import (
     note_swallowed,
+    swallowed_at_start,
     threshold_of_start,
     threshold_of_way,
 )
@@ -48,6 +50,8 @@ def restart_window(r: Any, t: float, q: float, lag_prior: float) -> None:
     """Begin a new stillness window at this sample."""
     r.way = 1.0 if q > r.still_q else -1.0
     r.through = False
+    r.came_t = r.before_t
+    r.came_q = r.before_q
     r.still_since = t
     r.still_q = q
     r.still_sum = q
@@ -101,7 +105,7 @@ def _weigh(
         r.missing = max(r.look_hi - r.look_lo, 0.0)
         if r.missing > begun:
             reach = r.slack + 1.5 * load + 2.0 * r.envelope + 3.0 * base
-            begin_cells(r, ring_t, ring_c, cells, t, reach)
+            begin_cells(r, ring_t, ring_c, cells, t, reach, base)
             r.weighing = True
         elif rests:
             r.weigh_since = t
@@ -111,10 +115,12 @@ def _weigh(
         if rests:
             rest_cells(r, cells, t)
     lasting = t - r.missing_since
-    of_start = s.sensitivity * threshold_of_start(r, s.slack_unproved_factor, load, base, lasting)
+    of_start = s.sensitivity * threshold_of_start(
+        r, s.slack_unproved_factor, load, base, lasting, swallowed_at_start(r)
+    )
     r.threshold = of_start
     if r.weighing:
-        of_way = s.sensitivity * threshold_of_way(r, load, base, t - r.still_since)
+        of_way = s.sensitivity * threshold_of_way(r, load, base, t - r.still_since, r.swallow_way)
         weigh_cells(r, ring_t, ring_c, cells, t, of_start, of_way)
     if r.missing <= begun:
         # Until the command leaves, the joint may have settled or sagged: it has to stand still
@@ -136,16 +142,16 @@ def observe_stillness(
     v: float,
 ) -> bool:
     """Take one accepted sample; return True where it broke the window (the joint moved)."""
-    level = lock_level(r)
+    remember_way(r, t, q)
     base = least_band(r, s)
     r.band = max(base, s.still_fraction * r.missing)
     moved = abs(q - r.still_q) > r.band
     if r.still_n == 0 or moved:
         if r.still_n > 0:
-            note_swallowed(r, t, q, level)
+            note_swallowed(r, s, load, base, t, q)
         restart_window(r, t, q, s.lag_prior_s)
         r.threshold = s.sensitivity * threshold_of_start(
-            r, s.slack_unproved_factor, load, base, 0.0
+            r, s.slack_unproved_factor, load, base, 0.0, swallowed_at_start(r)
         )
         return True
     dt = t - r.t_1
