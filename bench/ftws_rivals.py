@@ -1,16 +1,21 @@
-"""Sampled FTWS verdicts to compare the proved ones with: compiled, and scripted with SciPy."""
+"""Sampled FTWS verdicts to compare the proved ones with: compiled, by SciPy, by IK libraries."""
 
 from __future__ import annotations
+
+import time
+from collections.abc import Callable
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from bench.ik_rivals import Solver
 from ft_manip_ros.core.chain import Array, ChainArrays, SerialChain
 from ft_manip_ros.core.ftws.local_model import make_model
 from ft_manip_ros.core.ftws.posture import descend, uniform
 from ft_manip_ros.core.ftws.task_map import TaskArrays
+from ft_manip_ros.core.goal import Goal
 from ft_manip_ros.core.kinematics import fk, jacobian
 
 ANGLES = 65
@@ -83,3 +88,35 @@ def scipy_verdict(chain: SerialChain, point: Array) -> int:
             else:
                 return -1
     return 1
+
+
+def library_verdict(
+    chain: SerialChain, point: Array, build: Callable[[SerialChain, Goal], Solver]
+) -> tuple[int, float]:
+    """Judge as `sampled_verdicts` does, with a library; also the CPU time of its solves (s).
+
+    Each ROD is a robot of the library's own, set up outside of the time. Its own restarts come
+    on top of ours: that can only help it to find what is there.
+    """
+    rng = np.random.default_rng(0)
+    goal = Goal(point)
+    spent = 0.0
+    for j in range(chain.n):
+        for angle in np.linspace(chain.lower[j], chain.upper[j], ANGLES):
+            rod = chain.freeze({chain.joint_names[j]: float(angle)})
+            solve = build(rod, goal)
+            found = False
+            start = rng.uniform(rod.lower, rod.upper)
+            for _ in range(RESTARTS):
+                begin = time.process_time()
+                q = solve(start)
+                spent += time.process_time() - begin
+                # The libraries are asked for 1e-5 m.
+                inside = ((q >= rod.lower - 1e-9) & (q <= rod.upper + 1e-9)) | rod.arrays.wraps
+                found = bool(inside.all() and np.linalg.norm(fk(rod, q)[1] - point) <= 2e-5)
+                if found:
+                    break
+                start = rng.uniform(rod.lower, rod.upper)
+            if not found:
+                return -1, spent
+    return 1, spent
