@@ -20,14 +20,11 @@ from ft_manip_ros.core.design.dh_kernels import (
     Work,
 )
 from ft_manip_ros.core.design.inner_hybrid import minimise_hybrid
-from ft_manip_ros.core.design.penalty import derivatives, penalty, solve_shifted
+from ft_manip_ros.core.design.penalty import derivatives, penalty, solve_shifted, step_scale
 
 # Methods of `minimise`, by code: the order of INNER_METHODS.
 NEWTON, LM, HYBRID, BOUNDED_LM = 0, 1, 2, 3
 INNER_METHODS = ('newton', 'lm', 'hybrid', 'bounded_lm')
-
-# Longest step of one iteration (rad): farther than this the quadratic model means nothing.
-MAX_STEP = 1.0
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
@@ -99,7 +96,7 @@ def minimise_damped(
             if not solve_shifted(size, work[HESSIAN], damping, work[VECTORS, GRADIENT], work):
                 damping = max(10.0 * damping, 1e-3)
                 continue
-            scale = _step_scale(size, work)
+            scale = step_scale(size, work)
             promised = 0.0
             for k in range(size):
                 j = free[k]
@@ -175,7 +172,7 @@ def minimise_bounded(
             if not solve_shifted(size, work[HESSIAN], damping, work[VECTORS, GRADIENT], work):
                 damping = max(10.0 * damping, 1e-6)
                 continue
-            scale = _step_scale(size, work)
+            scale = step_scale(size, work)
             for k in range(size):
                 work[VECTORS, TRIAL, free[k]] = q[free[k]] + scale * work[VECTORS, STEP, k]
             _clip(free, limits, work[VECTORS, TRIAL])
@@ -194,15 +191,6 @@ def minimise_bounded(
     if not at_best:
         value = penalty(rows, goals, goal, limits, free, q, work)
     return value, evaluations
-
-
-@njit(cache=True, nogil=True, error_model='numpy')
-def _step_scale(size: int, work: Work) -> float:
-    length = 0.0
-    for k in range(size):
-        length += work[VECTORS, STEP, k] ** 2
-    length = math.sqrt(length)
-    return 1.0 if length <= MAX_STEP else MAX_STEP / length
 
 
 @njit(cache=True, nogil=True, error_model='numpy')

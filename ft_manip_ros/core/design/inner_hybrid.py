@@ -29,13 +29,12 @@ from ft_manip_ros.core.design.dh_kernels import (
     Limits,
     Work,
 )
-from ft_manip_ros.core.design.penalty import derivatives, penalty, solve_shifted
+from ft_manip_ros.core.design.penalty import derivatives, penalty, solve_shifted, step_scale
 
 # Share of the penalty one step must remove for Gauss-Newton to be kept (Fletcher and Xu: 0.2).
 GAUSS_NEWTON_SHARE = 0.2
 # y is used only where it keeps the matrix safely positive (Al-Baali and Fletcher 1985).
 CURVATURE_SHARE = 0.01
-MAX_STEP = 1.0
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
@@ -68,14 +67,11 @@ def minimise_hybrid(
         shift = 1e-10 + 1e-6 * min(value, 1.0)
         while not solve_shifted(size, work[MATRIX], shift, work[VECTORS, GRADIENT], work):
             shift *= 100.0
-        length = 0.0
         slope = 0.0
         for k in range(size):
             gradient[k] = work[VECTORS, GRADIENT, k]
-            length += work[VECTORS, STEP, k] ** 2
             slope += work[VECTORS, STEP, k] * gradient[k]
-        length = math.sqrt(length)
-        scale = 1.0 if length <= MAX_STEP else MAX_STEP / length
+        scale = step_scale(size, work)
         for k in range(size):
             for row in range(6):
                 work[COLUMN_BEFORE, row, k] = work[COLUMN, row, free[k]]

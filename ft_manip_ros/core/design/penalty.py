@@ -29,6 +29,9 @@ from ft_manip_ros.core.design.dh_kernels import (
     tool_error,
 )
 
+# Longest step of one iteration (rad): farther than this the quadratic model means nothing.
+MAX_STEP = 1.0
+
 
 @njit(cache=True, nogil=True, error_model='numpy')
 def penalty(
@@ -176,3 +179,13 @@ def isotropy(goals: Goals, goal: int, free: IntArray, work: Work) -> float:
     if trace <= 0.0:
         return 0.0
     return det ** (1.0 / m) / (trace / m)
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def step_scale(size: int, work: Work) -> float:
+    """Factor that keeps the row STEP no longer than `MAX_STEP`."""
+    length = 0.0
+    for k in range(size):
+        length += work[VECTORS, STEP, k] ** 2
+    length = math.sqrt(length)
+    return 1.0 if length <= MAX_STEP else MAX_STEP / length
