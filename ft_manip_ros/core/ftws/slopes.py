@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from ft_manip_ros.core.chain import Array, ChainArrays
 from ft_manip_ros.core.compiled import kernel
-from ft_manip_ros.core.ftws.curve import Series
 from ft_manip_ros.core.ftws.local_model import LocalModel
+from ft_manip_ros.core.ftws.place_series import Series
 from ft_manip_ros.core.ftws.task_map import TaskArrays
 from ft_manip_ros.core.ftws.turn_series import half_turn
 

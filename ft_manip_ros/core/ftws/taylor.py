@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 from ft_manip_ros.core.chain import Array, ChainArrays
 from ft_manip_ros.core.compiled import kernel
-from ft_manip_ros.core.ftws.curve import Series, follow, make_series
+from ft_manip_ros.core.ftws.curve import follow
 from ft_manip_ros.core.ftws.local_model import LocalModel, make_model
 from ft_manip_ros.core.ftws.majorant import Majorant, begin, make_majorant
+from ft_manip_ros.core.ftws.place_series import Series, make_series
 from ft_manip_ros.core.ftws.slopes import bend, second_slope
 from ft_manip_ros.core.ftws.task_map import TaskArrays
 from ft_manip_ros.core.ftws.turn_series import CURVE

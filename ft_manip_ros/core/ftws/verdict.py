@@ -54,14 +54,17 @@ class FtwsResult:
     elapsed_s: float = 0.0
 
     def to_json(self) -> dict[str, Any]:
-        """Return the answer as the command line prints it."""
+        """Return the answer as the command line prints it.
+
+        ``margin`` is null where no ball was worked out, or none was proved.
+        """
         return {
             'point': list(self.point),
             'verdict': self.verdict.value,
             'joints': list(self.joints),
             'angles': list(self.angles),
             'residual': self.residual,
-            'margin': self.margin,
+            'margin': self.margin if self.margin > 0.0 else None,
             'tolerated': {name: [list(i) for i in rows] for name, rows in self.tolerated.items()},
             'surviving_fraction': dict(self.surviving_fraction),
             'reason': self.reason,

@@ -26,7 +26,7 @@ class NotConfirmedError(Exception):
     """A claim of the certificate that this verifier could not confirm; says which."""
 
 
-def check_goal(arm: Arm, goal: Mapping[str, Any], budget: int = 2_000_000) -> str:
+def check_goal(arm: Arm, goal: Mapping[str, Any], budget: int = 5_000_000) -> str:
     """Check one goal of a certificate, with the ball of goals around it that it speaks of.
 
     Returns
