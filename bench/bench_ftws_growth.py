@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import time
+
 import numpy as np
 
 from bench.ftws_arms import planar, spatial
 from ft_manip_ros.core.chain import SerialChain
-from ft_manip_ros.core.ftws.query import query
+from ft_manip_ros.core.ftws.query import query, warm_up
 from ft_manip_ros.core.ftws.settings import FtwsSettings
 from ft_manip_ros.core.ftws.verdict import Verdict
 
 
 def run() -> None:
     """Time against joints, order and tolerance."""
-    print('mean ms a member / a point within 1.5 times the reach, one thread')
+    print('mean ms of CPU a member / a point within 1.5 times the reach, one thread')
     rng = np.random.default_rng(1)
     rows: list[tuple[str, SerialChain, int, float]] = []
     rows += [(f'spatial {n}R, order 1', spatial(n), 1, 1e-6) for n in range(5, 10)]
@@ -28,10 +30,15 @@ def run() -> None:
         points = rng.uniform(-1.0, 1.0, (count, 3)) * [1.4, 1.4, 0.0 if 'planar' in name else 1.4]
         pieces = 100_000 if order < 3 else 20_000
         settings = FtwsSettings(intervals=False, tolerance=tolerance, pieces=pieces)
-        answers = query(chain, points, order=order, settings=settings)
-        members = [a.elapsed_s for a in answers if a.verdict is Verdict.MEMBER]
-        everything = [a.elapsed_s for a in answers]
-        open_count = sum(a.verdict is Verdict.UNDECIDED for a in answers)
+        warm_up(chain, order=order)
+        members, everything, open_count = [], [], 0
+        for point in points:
+            begin = time.thread_time()
+            answer = query(chain, point[None], order=order, settings=settings)[0]
+            everything.append(time.thread_time() - begin)
+            if answer.verdict is Verdict.MEMBER:
+                members.append(everything[-1])
+            open_count += answer.verdict is Verdict.UNDECIDED
         mean = f'{np.mean(members) * 1e3:9.2f}' if members else '        -'
         print(
             f'{name:<28} {mean} / {np.mean(everything) * 1e3:9.2f}   '
