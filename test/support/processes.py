@@ -117,6 +117,8 @@ class NodeProcess:
         names = [f'{self}: process {process.pid} ({process.name()})' for process in left]
         if left:
             os.killpg(self.pid, signal.SIGKILL)
+            # The kernel takes a moment.
+            psutil.wait_procs(left, timeout=_STOP_TIME)
         self._process.wait()
         self._reader.join(1.0)
         return names
