@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 from ft_manip_ros.bags.definitions import message_definition
@@ -24,8 +25,6 @@ class Decoder:
 
     def __init__(self) -> None:
         self._schemas: dict[str, tuple[str, str]] = {}
-        # A store for each type, for two may nest different versions of a third; and the name
-        # that it has in there: rosbags files those of services in a way of its own.
         self._stores: dict[str, tuple[Typestore, str]] = {}
 
     def add_schema(self, type_name: str, encoding: str, text: str) -> None:
@@ -74,39 +73,45 @@ class Decoder:
     def _store(self, type_name: str) -> tuple[Typestore, str]:
         """Return what reads the type, and its name there."""
         if type_name not in self._stores:
-            self._stores[type_name] = self._build(type_name)
+            self._stores[type_name] = _build(type_name, *self._schema(type_name))
         return self._stores[type_name]
-
-    def _build(self, type_name: str) -> tuple[Typestore, str]:
-        # Loaded only here: what needs no message decoded needs no parsers.
-        from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
-
-        encoding, text = self._schema(type_name)
-        if encoding not in ('ros2msg', 'ros2idl', 'omgidl'):
-            raise InputError(
-                f'schema of {type_name}',
-                f'has encoding {encoding!r}; known are ros2msg and ros2idl',
-            )
-        store = get_typestore(Stores.EMPTY)
-        name = type_name
-        try:
-            if encoding == 'ros2msg':
-                types = get_types_from_msg(text, type_name)
-                name = next(iter(types))
-            else:
-                types = get_types_from_idl(_IDL_HEADING.sub('', text))
-            store.register(types)
-        except Exception as error:  # noqa: BLE001 (a parser fed with damaged text)
-            raise _unreadable(type_name, error) from None
-        if name not in types:
-            raise InputError(f'schema of {type_name}', 'does not define it')
-        return store, name
 
     def _schema(self, type_name: str) -> tuple[str, str]:
         """Encoding and text."""
         if type_name in self._schemas:
             return self._schemas[type_name]
         return 'ros2msg', message_definition(type_name).text
+
+
+@lru_cache(maxsize=256)
+def _build(type_name: str, encoding: str, text: str) -> tuple[Typestore, str]:
+    """Parse a schema; generated code is kept, for it takes longer than reading a short bag.
+
+    A store for each type, for two may nest different versions of a third; and the name that it
+    has in there: rosbags files those of services in a way of its own.
+    """
+    # Loaded only here: what needs no message decoded needs no parsers.
+    from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
+
+    if encoding not in ('ros2msg', 'ros2idl', 'omgidl'):
+        raise InputError(
+            f'schema of {type_name}',
+            f'has encoding {encoding!r}; known are ros2msg and ros2idl',
+        )
+    store = get_typestore(Stores.EMPTY)
+    name = type_name
+    try:
+        if encoding == 'ros2msg':
+            types = get_types_from_msg(text, type_name)
+            name = next(iter(types))
+        else:
+            types = get_types_from_idl(_IDL_HEADING.sub('', text))
+        store.register(types)
+    except Exception as error:  # noqa: BLE001 (a parser fed with damaged text)
+        raise _unreadable(type_name, error) from None
+    if name not in types:
+        raise InputError(f'schema of {type_name}', 'does not define it')
+    return store, name
 
 
 def _unreadable(type_name: str, error: Exception) -> InputError:
