@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import time
 
 import numpy as np
@@ -52,15 +51,11 @@ def libraries(chain: SerialChain) -> None:
         judge_one(problem, row, VERDICT)
     proved = (time.process_time() - begin) / len(rows)
     print(f'    proved                  {proved:9.4f}')
-    for name, (module, build) in RIVALS.items():
-        if importlib.util.find_spec(module) is None:
-            print(f'    {name:<23} skipped: {module} is not installed')
+    for name, rival in RIVALS.items():
+        if why := rival.skipped(with_pose=False):
+            print(f'    {name:<23} skipped: {why}')
             continue
-        try:
-            answers = [library_verdict(chain, point, build) for point in _slow()]
-        except NotImplementedError:
-            print(f'    {name:<23} skipped: it solves poses only')
-            continue
+        answers = [library_verdict(chain, point, rival.set_up) for point in _slow()]
         spent = sum(seconds for _, seconds in answers) / len(answers)
         found = [verdict for verdict, _ in answers]
         print(f'    {name:<23} {spent:9.4f} (x{spent / proved:.0f}), verdicts {found}', flush=True)

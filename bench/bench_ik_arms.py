@@ -6,12 +6,11 @@ The others are not dependencies: install those you want to compare with into the
 
 from __future__ import annotations
 
-import importlib.util
 import time
 
 import numpy as np
 
-from bench.ik_rivals import PATIENCE, RIVALS, TOLERANCE, Solver
+from bench.ik_rivals import PATIENCE, RIVALS, TOLERANCE, Rival, Solver
 from ft_manip_ros.core.arm_file import load_arm
 from ft_manip_ros.core.chain import Array, SerialChain
 from ft_manip_ros.core.goal import Goal
@@ -74,24 +73,17 @@ def run() -> None:
             )
             print(f'{"":28}{"success %":>10}{"mean us":>11}{"median us":>11}{"ratio":>9}')
             first = None
-            for name, (module, set_up) in {
-                'ft_manip_ros': ('ft_manip_ros', ours),
-                **RIVALS,
-            }.items():
-                if importlib.util.find_spec(module) is None:
-                    print(f'{name:28} not installed')
+            for name, rival in {'ft_manip_ros': Rival('ft_manip_ros', ours), **RIVALS}.items():
+                if why := rival.skipped(with_pose=with_pose):
+                    print(f'{name:28} skipped: {why}')
                     continue
                 good, spent = 0, []
-                try:
-                    for rod, goal, start in given:
-                        solver = set_up(rod, goal)
-                        begin = time.perf_counter()
-                        q = solver(start)
-                        spent.append(time.perf_counter() - begin)
-                        good += reached(rod, goal, q)
-                except NotImplementedError:
-                    print(f'{name:28} does not solve positions alone')
-                    continue
+                for rod, goal, start in given:
+                    solver = rival.set_up(rod, goal)
+                    begin = time.perf_counter()
+                    q = solver(start)
+                    spent.append(time.perf_counter() - begin)
+                    good += reached(rod, goal, q)
                 mean = float(np.mean(spent)) * 1e6
                 first = mean if first is None else first
                 print(

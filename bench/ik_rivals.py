@@ -6,10 +6,12 @@ None is a dependency of the project: those that are not installed are left out.
 from __future__ import annotations
 
 import importlib
+import importlib.util
 import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,6 +27,20 @@ PATIENCE = 0.2
 DESCENT = 60
 
 Solver = Callable[[Array], Array]
+
+
+class Rival(NamedTuple):
+    """A library to compare with."""
+
+    module: str  # that must be installed
+    set_up: Callable[[SerialChain, Goal], Solver]
+    poses_only: bool = False  # positions alone are not among what it solves
+
+    def skipped(self, *, with_pose: bool) -> str:
+        """Why it cannot be measured on goals of this kind; empty where it can."""
+        if importlib.util.find_spec(self.module) is None:
+            return f'{self.module} is not installed'
+        return 'it solves poses only' if self.poses_only and not with_pose else ''
 
 
 def _with_restarts(
@@ -145,8 +161,6 @@ def robotics_toolbox(chain: SerialChain, goal: Goal) -> Solver:
 def trac_ik(chain: SerialChain, goal: Goal) -> Solver:
     """TRAC-IK through pytracik; it solves poses only."""
     library = importlib.import_module('trac_ik')
-    if goal.orientation is None:
-        raise NotImplementedError
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / 'rod.urdf'
         path.write_text(chain_to_urdf(chain))
@@ -163,10 +177,9 @@ def _small(error: Array) -> bool:
     return bool(np.linalg.norm(error[:3]) <= TOLERANCE and np.linalg.norm(error[3:]) <= TOLERANCE)
 
 
-# name in the table: (module that must be installed, how to set it up)
-RIVALS: dict[str, tuple[str, Callable[[SerialChain, Goal], Solver]]] = {
-    'TRAC-IK (pytracik)': ('trac_ik', trac_ik),
-    'Robotics Toolbox ik_LM': ('roboticstoolbox', robotics_toolbox),
-    'Pink': ('pink', pink),
-    'Mink': ('mink', mink),
+RIVALS = {
+    'TRAC-IK (pytracik)': Rival('trac_ik', trac_ik, poses_only=True),
+    'Robotics Toolbox ik_LM': Rival('roboticstoolbox', robotics_toolbox),
+    'Pink': Rival('pink', pink),
+    'Mink': Rival('mink', mink),
 }
