@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ft_manip_ros.core.chain import Array
+from ft_manip_ros.core.planning import profiles
 from ft_manip_ros.core.planning.limits import MotionLimits, travel
 from ft_manip_ros.core.planning.ruckig_solver import Solution, calculate, solve
 
@@ -57,7 +58,7 @@ def stop(q: Array, v: Array, limits: MotionLimits, period: float) -> Motion:
     period
         Longest time between samples (s).
     """
-    return _sampled(solve(q, v, limits), len(q), period)
+    return _sampled(solve(q, v, limits), period)
 
 
 def stopping_range(q: Array, v: Array, limits: MotionLimits) -> tuple[Array, Array]:
@@ -86,7 +87,7 @@ def move_from(
         return move_between(q, q + way, limits, period)
     direct = _direct(q, v, q + way, limits, stopping_range(q, v, braking))
     if direct is not None:
-        return _sampled(direct, len(q), period)
+        return _sampled(direct, period)
     halt = stop(q, v, braking, period)
     rest = halt.positions[-1]
     go = move_between(rest, rest + travel(rest, target, limits.unlimited), limits, period)
@@ -117,39 +118,32 @@ def _direct(
     found = calculate(q, v, limits, target)
     if found is None:
         return None
-    low = np.minimum(unavoidable[0], limits.lower) - _SMALLEST_WAY
-    high = np.maximum(unavoidable[1], limits.upper) + _SMALLEST_WAY
-    for i, times in enumerate(found.turns()):
-        if limits.unlimited[i]:
-            continue
-        if any(not low[i] <= found.at(time)[0][i] <= high[i] for time in times):
-            return None
-    return found
+    low, high = profiles.turning_range(found.profile)
+    out = low < np.minimum(unavoidable[0], limits.lower) - _SMALLEST_WAY
+    out |= high > np.maximum(unavoidable[1], limits.upper) + _SMALLEST_WAY
+    return None if np.any(out & ~limits.unlimited) else found
 
 
 def move_between(q: Array, target: Array, limits: MotionLimits, period: float) -> Motion:
     """Move straight in joint space from rest to rest; a box of limits holds both ends, so all."""
     way = target - q
-    longest = float(np.max(np.abs(way), initial=0.0))
-    if longest < _SMALLEST_WAY:
+    rates = profiles.line_rates(
+        way, _SMALLEST_WAY, limits.velocity, limits.acceleration, limits.jerk
+    )
+    if not math.isfinite(rates[0]):
         zero = np.zeros((1, len(q)))
         return Motion(np.zeros(1), q[None, :].copy(), zero, zero)
-    moving = np.abs(way) > _SMALLEST_WAY * longest
-    part = np.abs(way[moving])
-    rates = [
-        np.array([np.min(rate[moving] / part)])
-        for rate in (limits.velocity, limits.acceleration, limits.jerk)
-    ]
+    times, line = _samples(_unit_way(*rates), period)
+    states = line * way
+    states[:, 0] += q
+    return Motion(times, states[:, 0], states[:, 1], states[:, 2])
+
+
+def _unit_way(velocity: float, acceleration: float, jerk: float) -> Solution:
+    """Fastest motion of one number from 0 to 1 from rest to rest, with these largest rates."""
     begin, end, none = np.zeros(1), np.ones(1), np.zeros(1, dtype=np.bool_)
-    line = _sampled(
-        solve(begin, begin, MotionLimits(begin, end, none, none, *rates), end), 1, period
-    )
-    return Motion(
-        line.times,
-        q + line.positions * way,
-        line.velocities * way,
-        line.accelerations * way,
-    )
+    rates = [np.array([rate]) for rate in (velocity, acceleration, jerk)]
+    return solve(begin, begin, MotionLimits(begin, end, none, none, *rates), end)
 
 
 def hold(q: Array, duration: float) -> Motion:
@@ -175,20 +169,16 @@ def joined(parts: list[Motion]) -> Motion:
     )
 
 
-def _sampled(solution: Solution, m: int, period: float) -> Motion:
+def _sampled(solution: Solution, period: float) -> Motion:
+    times, states = _samples(solution, period)
+    return Motion(times, states[:, 0], states[:, 1], states[:, 2])
+
+
+def _samples(solution: Solution, period: float) -> tuple[Array, Array]:
+    """Times, (T,), and states, (T, 3, m), at least so often (s)."""
     duration = math.ceil(solution.duration / TICK) * TICK
     period = max(period, duration / _MOST_SAMPLES)
-    switches = [k * period for k in range(1, math.ceil(duration / period))]
-    switches += solution.switches()
-    # Turning points too: there the hull of a spline touches the motion, so checks are tight.
-    for times_of_joint in solution.turns():
-        switches += times_of_joint
-    times = [0.0]
-    for tick in sorted({round(switch / TICK) for switch in switches}):
-        time = tick * TICK
-        if time - times[-1] >= SHORTEST_STEP and duration - time >= SHORTEST_STEP:
-            times.append(time)
-    if duration > 0.0:
-        times.append(duration)
-    states = np.array([solution.at(time) for time in times]).reshape(len(times), 3, m)
-    return Motion(np.array(times), states[:, 0], states[:, 1], states[:, 2])
+    times, states = profiles.sampled(
+        solution.profile, solution.unit, duration, period, TICK, SHORTEST_STEP
+    )
+    return times, states

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import ruckig
 
 from ft_manip_ros.core.joint import FULL_TURN
 from ft_manip_ros.core.planning import timing
@@ -144,3 +145,28 @@ def test_stop_of_hours_brakes_in_the_textbook_way():
     assert motion.duration == pytest.approx(0.8e5 + 10.0, rel=1e-9)
     assert motion.positions[-1, 0] == pytest.approx(0.8 * (0.8e5 + 10.0) / 2.0, rel=1e-9)
     assert motion.positions[-1, 1] == pytest.approx(-0.3 * (0.3e5 + 10.0) / 2.0, rel=1e-9)
+
+
+@pytest.mark.parametrize('seed', range(5))
+def test_samples_are_ruckigs_own_states(seed):
+    rng = np.random.default_rng(seed)
+    bound = limits(3, velocity=1.3, acceleration=3.7, jerk=31.0)
+    q, v, target = rng.uniform(-1.0, 1.0, (3, 3))
+    # The first joint is faster than it may be: its motion begins with a phase of braking.
+    v[0] = 1.7
+    given = ruckig.InputParameter(3)
+    given.current_position, given.current_velocity = q.tolist(), v.tolist()
+    given.target_position = target.tolist()
+    given.max_velocity, given.max_acceleration = [1.3] * 3, [3.7] * 3
+    given.max_jerk = [31.0] * 3
+    wanted = ruckig.Trajectory(3)
+    assert ruckig.Ruckig(3).calculate(given, wanted) == ruckig.Result.Working
+    far = limits(3, reach=99.0, velocity=1.3, acceleration=3.7, jerk=31.0)
+    for motion in (
+        timing.move_from(q, v, target, far, bound, 0.07),
+        timing.move_from(q, v, target, far, bound, 9.0),
+    ):
+        assert motion.duration == pytest.approx(wanted.duration, abs=2e-9)
+        states = [wanted.at_time(time)[:3] for time in motion.times]
+        sampled = np.stack([motion.positions, motion.velocities, motion.accelerations], axis=1)
+        np.testing.assert_allclose(sampled, states, atol=1e-11)
