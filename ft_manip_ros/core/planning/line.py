@@ -16,10 +16,10 @@ from ft_manip_ros.core.joint import FULL_TURN
 from ft_manip_ros.core.kinematics import fk
 from ft_manip_ros.core.planning import timing
 from ft_manip_ros.core.planning.collision import CollisionChecker
+from ft_manip_ros.core.planning.hulls import hull_accelerations, hull_velocities
 from ft_manip_ros.core.planning.limits import MotionLimits, travel
 from ft_manip_ros.core.planning.margins import tool_errors
 from ft_manip_ros.core.planning.postures import find_postures
-from ft_manip_ros.core.planning.safety import hull_accelerations, hull_velocities
 from ft_manip_ros.core.planning.sequence import rest_to_rest_time
 from ft_manip_ros.core.planning.settings import PlanSettings
 from ft_manip_ros.core.planning.timing import Motion

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Mapping
 
 import numpy as np
@@ -20,28 +21,33 @@ def tool_errors(chain: SerialChain, q: Array, goal: Goal) -> tuple[float, float]
     The angle is that between the z axes where the goal leaves the roll free, and NaN where it
     has no orientation.
     """
-    rotation, position = fk(chain, q)
-    distance = float(np.linalg.norm(position - goal.position))
+    return frame_errors(*fk(chain, q), goal)
+
+
+def frame_errors(rotation: Array, position: Array, goal: Goal) -> tuple[float, float]:
+    """As `tool_errors`, from the tool's rotation, (3, 3), and position, (3,)."""
+    distance = math.dist(position.tolist(), goal.position.tolist())
     if goal.orientation is None:
-        return distance, float('nan')
+        return distance, math.nan
     if goal.free_axis:
         a, b = rotation[:, 2], goal.orientation[:, 2]
         return distance, float(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b))
     turn = goal.orientation @ rotation.T
     skew = 0.5 * (turn - turn.T)
-    sine = np.linalg.norm([skew[2, 1], skew[0, 2], skew[1, 0]])
-    return distance, float(np.arctan2(sine, 0.5 * (np.trace(turn) - 1.0)))
+    sine = math.hypot(skew[2, 1], skew[0, 2], skew[1, 0])
+    return distance, math.atan2(sine, 0.5 * (np.trace(turn) - 1.0))
 
 
-def tool_uncertainty(chain: SerialChain, q: Array, sigma: Mapping[str, float]) -> float:
-    """Standard deviation (m) of the tool position that the frozen joints' sigmas cause."""
+def tool_uncertainties(chain: SerialChain, qs: Array, sigma: Mapping[str, float]) -> Array:
+    """Standard deviations (m) of the tool position that the frozen joints' sigmas cause.
+
+    One for each of the postures ``qs``, (K, n).
+    """
     if not any(sigma.values()):
-        return 0.0
-    moves = jacobian(chain, q)[:3]
-    variance = sum(
-        float(np.sum(moves[:, chain.index(name)] ** 2)) * value**2 for name, value in sigma.items()
-    )
-    return float(np.sqrt(variance))
+        return np.zeros(len(qs))
+    columns = [chain.index(name) for name in sigma]
+    moves = jacobian(chain, qs)[:, :3, columns] * np.array(list(sigma.values()))
+    return np.asarray(np.sqrt(np.sum(moves**2, axis=(1, 2))))
 
 
 def posture_margins(chain: SerialChain, qs: Array, frozen: Collection[str]) -> Array:

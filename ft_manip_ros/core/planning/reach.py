@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from functools import lru_cache
+
 import numpy as np
 
 from ft_manip_ros.core.chain import SerialChain
@@ -24,9 +27,25 @@ def proved_miss(rod: SerialChain, goal: Goal) -> tuple[float, str]:
     if rod.n == 0:
         _, tool = fk(rod, np.empty(0))
         return float(np.linalg.norm(tool - goal.position)), 'no joint is left to move'
+    base, low, high = _parts(rod)
+    asked = math.dist(goal.position.tolist(), base)
+    furthest = sum(high)
+    if asked > furthest:
+        return asked - furthest, f'it is {asked:.3f} m away, the arm spans {furthest:.3f} m'
+    k = low.index(max(low))
+    nearest = low[k] - (furthest - high[k])
+    if asked < nearest:
+        why = f'it is {asked:.3f} m away, the arm cannot fold below {nearest:.3f} m'
+        return nearest - asked, why
+    return 0.0, ''
+
+
+@lru_cache(maxsize=8)
+def _parts(rod: SerialChain) -> tuple[list[float], list[float], list[float]]:
+    """Place of the first joint, then the least and the largest length of every part of the way."""
     # What no arm with free axes reaches is out of reach for one whose axes move together.
     rod = rod.uncoupled
-    low = [float(np.linalg.norm(t)) for t in rod.translations[1:]]
+    low = [float(length) for length in np.linalg.norm(rod.translations[1:], axis=1)]
     high = list(low)
     for joint in rod.joints:
         if joint.prismatic:
@@ -34,13 +53,4 @@ def proved_miss(rod: SerialChain, goal: Goal) -> tuple[float, str]:
             crosses = joint.lower < 0.0 < joint.upper
             low.append(0.0 if crosses else min(ends))
             high.append(max(ends))
-    asked = float(np.linalg.norm(goal.position - rod.translations[0]))
-    furthest = sum(high)
-    if asked > furthest:
-        return asked - furthest, f'it is {asked:.3f} m away, the arm spans {furthest:.3f} m'
-    k = int(np.argmax(low))
-    nearest = low[k] - (furthest - high[k])
-    if asked < nearest:
-        why = f'it is {asked:.3f} m away, the arm cannot fold below {nearest:.3f} m'
-        return nearest - asked, why
-    return 0.0, ''
+    return rod.translations[0].tolist(), low, high

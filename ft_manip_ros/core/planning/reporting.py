@@ -6,12 +6,13 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ft_manip_ros.core.chain import Array, SerialChain
+from ft_manip_ros.core.chain import SerialChain
+from ft_manip_ros.core.kinematics import fk
 from ft_manip_ros.core.planning.finding import Finding
 from ft_manip_ros.core.planning.margins import (
+    frame_errors,
     posture_margins,
-    tool_errors,
-    tool_uncertainty,
+    tool_uncertainties,
 )
 from ft_manip_ros.core.planning.plan import GoalOutcome, Outcome, PlanStatus
 from ft_manip_ros.core.planning.route import Visit
@@ -29,25 +30,31 @@ def outcomes_of(
     for finding in findings:
         visit, found = visits.get(finding.index), finding.postures
         postures.append(visit.posture if visit else [*found.q[:1], found.best][0])
-    margins = posture_margins(chain, np.array(postures).reshape(-1, chain.n), frozen)
+    qs = np.array(postures).reshape(-1, chain.n)
+    rotations, positions = fk(chain, qs)
+    uncertainties = tool_uncertainties(chain, qs, sigma).tolist()
+    margins = posture_margins(chain, qs, frozen).tolist()
     return tuple(
-        _outcome(chain, finding, visits.get(finding.index), q, float(margin), sigma)
-        for finding, q, margin in zip(findings, postures, margins, strict=True)
+        _outcome(
+            finding,
+            visits.get(finding.index),
+            frame_errors(rotations[k], positions[k], finding.relaxed),
+            uncertainties[k],
+            margins[k],
+        )
+        for k, finding in enumerate(findings)
     )
 
 
 def _outcome(
-    chain: SerialChain,
     finding: Finding,
     visit: Visit | None,
-    q: Array,
+    errors: tuple[float, float],
+    uncertainty: float,
     margin: float,
-    sigma: Mapping[str, float],
 ) -> GoalOutcome:
-    """Outcome of one goal by its posture; ``visit`` is None where the motion does not go there."""
+    """Outcome of one goal by what is known of its posture; without ``visit`` none goes there."""
     relaxation = '' if finding.relaxation is None else finding.relaxation.value
-    position_error, orientation_error = tool_errors(chain, q, finding.relaxed)
-    uncertainty = tool_uncertainty(chain, q, sigma)
     reason = finding.reason
     if len(finding.postures.q):
         if 2.0 * uncertainty > finding.goal.position_tolerance:
@@ -62,8 +69,7 @@ def _outcome(
         finding.outcome,
         relaxation,
         reason,
-        position_error,
-        orientation_error,
+        *errors,
         uncertainty,
         margin,
         finding.relaxed,

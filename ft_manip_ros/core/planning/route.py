@@ -121,7 +121,7 @@ def plan_route(
     """
     hard = limits.take(healthy)
     scaled = hard.scaled(settings.rate_scale)
-    groups = [folded(finding.postures.q[:, healthy], here[healthy], hard) for finding in findings]
+    groups = _folded_groups(findings, here, healthy, hard)
     if not lines:
         findings, groups = _ordered(chain, findings, groups, here, healthy, scaled, settings)
     # Among bodies, and along a line, every move begins at rest: the arm stops first. Else it
@@ -181,6 +181,15 @@ def plan_route(
     cut_off = {finding.index for k, finding in enumerate(findings) if k not in way.kept}
     stopped = math.inf if halt is None else halt.duration
     return Route(timing.joined(parts), visits, cut_off, stopped)
+
+
+def _folded_groups(
+    findings: Sequence[Finding], here: Array, healthy: NDArray[np.intp], limits: MotionLimits
+) -> list[Array]:
+    """Postures of the healthy joints, (K, m), for each goal, in the turns nearest to ``here``."""
+    postures = [finding.postures.q for finding in findings]
+    together = folded(np.concatenate(postures)[:, healthy], here[healthy], limits)
+    return np.split(together, np.cumsum([len(q) for q in postures])[:-1])
 
 
 def _line_motions(

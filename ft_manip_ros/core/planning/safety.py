@@ -8,6 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ft_manip_ros.core.chain import Array, SerialChain
+from ft_manip_ros.core.planning.hulls import (
+    all_inside,
+    hull_accelerations,
+    hull_positions,
+    hull_velocities,
+)
 from ft_manip_ros.core.planning.limits import MotionLimits
 from ft_manip_ros.core.planning.timing import stopping_range
 from ft_manip_ros.core.planning.trajectory import Trajectory
@@ -106,9 +112,10 @@ def _healthy_problems(
 ) -> list[str]:
     names = [trajectory.joint_names[i] for i in healthy]
     times = trajectory.times
-    q = trajectory.positions[:, healthy]
-    v = trajectory.velocities[:, healthy]
-    a = trajectory.accelerations[:, healthy]
+    q, v, a = (
+        np.ascontiguousarray(values[:, healthy])
+        for values in (trajectory.positions, trajectory.velocities, trajectory.accelerations)
+    )
     problems = []
     for what, given, wanted in (('position', q[0], start), ('velocity', v[0], speed)):
         off = np.abs(given - wanted)
@@ -123,11 +130,13 @@ def _healthy_problems(
     low[limits.unlimited], high[limits.unlimited] = -np.inf, np.inf
     fastest = np.maximum(limits.velocity, np.abs(speed)) * (1.0 + _RATE_SLACK)
     hardest = limits.acceleration * (1.0 + _RATE_SLACK)
-    for hull, lower, upper, what in (
-        (hull_positions, low, high, 'position'),
-        (hull_velocities, -fastest, fastest, 'velocity'),
-        (hull_accelerations, -hardest, hardest, 'acceleration'),
-    ):
+    judged = (
+        (hull_positions, (low, high), 'position'),
+        (hull_velocities, (-fastest, fastest), 'velocity'),
+        (hull_accelerations, (-hardest, hardest), 'acceleration'),
+    )
+    inside = len(times) > 1 and all_inside(times, q, v, a, *(bounds for _, bounds, _ in judged))
+    for hull, (lower, upper), what in judged[: 0 if inside else len(judged)]:
         for k, (time, excess) in _excesses(hull, times, q, v, a, lower, upper).items():
             problems.append(
                 f'{names[k]!r} leaves its {what} range [{lower[k]:.6g}, {upper[k]:.6g}] '
@@ -175,45 +184,3 @@ def _halved(
     ends = tuple(np.stack(pair, axis=1).reshape(-1, q.shape[1]) for pair in pairs)
     starts = np.stack([begin, begin + 0.5 * h], axis=1).reshape(-1)
     return starts, np.repeat(0.5 * h, 2), ends
-
-
-def hull_positions(
-    h: Array, q0: Array, v0: Array, a0: Array, q1: Array, v1: Array, a1: Array
-) -> Array:
-    """Bernstein coefficients, (S, 6, m), of the quintic of each of S segments of h seconds.
-
-    Parameters
-    ----------
-    h : shape (S, 1)
-        s.
-    q0, v0, a0, q1, v1, a1 : shape (S, m)
-        States at both ends.
-    """
-    return np.stack(
-        [
-            q0,
-            q0 + v0 * h / 5.0,
-            q0 + 2.0 * v0 * h / 5.0 + a0 * h**2 / 20.0,
-            q1 - 2.0 * v1 * h / 5.0 + a1 * h**2 / 20.0,
-            q1 - v1 * h / 5.0,
-            q1,
-        ],
-        axis=1,
-    )
-
-
-def hull_velocities(
-    h: Array, q0: Array, v0: Array, a0: Array, q1: Array, v1: Array, a1: Array
-) -> Array:
-    """Bernstein coefficients, (S, 5, m), of the speed within each segment."""
-    middle = 5.0 * ((q1 - q0) / h - 0.4 * (v1 + v0) + 0.05 * (a1 - a0) * h)
-    return np.stack([v0, v0 + a0 * h / 4.0, middle, v1 - a1 * h / 4.0, v1], axis=1)
-
-
-def hull_accelerations(
-    h: Array, q0: Array, v0: Array, a0: Array, q1: Array, v1: Array, a1: Array
-) -> Array:
-    """Bernstein coefficients, (S, 4, m), of the acceleration within each segment."""
-    speeds = hull_velocities(h, q0, v0, a0, q1, v1, a1)
-    inner = 4.0 * np.diff(speeds, axis=1)[:, 1:3] / h[:, None, :]
-    return np.stack([a0, inner[:, 0], inner[:, 1], a1], axis=1)

@@ -9,7 +9,7 @@ import pytest
 
 from ft_manip_ros.core.chain import SerialChain
 from ft_manip_ros.core.joint import Joint
-from ft_manip_ros.core.planning import timing
+from ft_manip_ros.core.planning import hulls, timing
 from ft_manip_ros.core.planning.limits import motion_limits
 from ft_manip_ros.core.planning.safety import check_trajectory
 from ft_manip_ros.core.planning.trajectory import Trajectory
@@ -116,3 +116,24 @@ def test_unavoidable_overshoot_is_allowed_and_no_more():
 
 def test_unknown_frozen_joint_is_named():
     assert any("'d' is not listed" in p for p in problems(good(), frozen={'d': 0.0, **FROZEN}))
+
+
+def test_compiled_hulls_say_what_the_arrays_say():
+    rng = np.random.default_rng(3)
+    said = []
+    for _ in range(300):
+        times = np.cumsum(rng.uniform(0.01, 0.5, 6))
+        q, v, a = rng.normal(size=(3, 6, 2))
+        steps = np.diff(times)[:, None]
+        ends = (q[:-1], v[:-1], a[:-1], q[1:], v[1:], a[1:])
+        ranges = []
+        for hull in (hulls.hull_positions, hulls.hull_velocities, hulls.hull_accelerations):
+            points = hull(steps, *ends).reshape(-1, 2)
+            ranges.append([points.min(axis=0) - 1e-9, points.max(axis=0) + 1e-9])
+        tight = rng.integers(3), rng.integers(2), rng.integers(2)
+        wanted = bool(rng.integers(2))
+        if not wanted:
+            kind, end, joint = tight
+            ranges[kind][end][joint] += 2e-9 if end == 0 else -2e-9
+        said.append(hulls.all_inside(times, q, v, a, *map(tuple, ranges)) == wanted)
+    assert all(said)
