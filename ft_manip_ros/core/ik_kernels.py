@@ -11,6 +11,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from ft_manip_ros.core.chain import Array, ChainArrays
+from ft_manip_ros.core.compiled import kernel
 from ft_manip_ros.core.ik_pose import descend_pose
 from ft_manip_ros.core.ik_position import descend_position
 from ft_manip_ros.core.ik_settle import settle
@@ -27,7 +28,7 @@ from ft_manip_ros.core.ik_types import (
 )
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def descend(
     chain: ChainArrays,
     frozen: NDArray[np.bool_],
@@ -72,7 +73,7 @@ def descend(
     return status, steps, distance, angle
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def solve(
     chain: ChainArrays,
     frozen: NDArray[np.bool_],

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from ft_manip_ros.core.chain import Array, ChainArrays
+from ft_manip_ros.core.compiled import kernel
 from ft_manip_ros.core.ik_types import (
     AXIS,
     CONVERGED,
@@ -27,7 +27,7 @@ WINDOW = 6
 RATIO = 0.25
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def rotation_error(actual: Array, target: Array, mode: int, out: Array) -> float:
     """Write the rotation vector from actual to target frame to ``out[3:6]``; return its angle.
 
@@ -71,7 +71,7 @@ def rotation_error(actual: Array, target: Array, mode: int, out: Array) -> float
     return angle
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def pose_error(
     chain: ChainArrays,
     mode: int,
@@ -111,7 +111,7 @@ def pose_error(
     return distance, angle
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def weighted_columns(
     chain: ChainArrays, mode: int, target: Array, weight: float, work: IkWork
 ) -> None:
@@ -145,7 +145,7 @@ def weighted_columns(
         gather(chain.driver, chain.ratio, columns, work.columns)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def solve6(a: Array, b: Array) -> None:
     """Solve a symmetric positive definite 6 x 6 system in place (lower triangle of ``a``)."""
     for j in range(6):
@@ -171,12 +171,11 @@ def solve6(a: Array, b: Array) -> None:
         b[j] = s * a[j, j]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def bounded_step(
     chain: ChainArrays, frozen: NDArray[np.bool_], q: Array, damping: float, work: IkWork
 ) -> None:
     """Write the damped least-norm step inside the limits, as `ik_position` describes it."""
-    # Fields are taken out of the tuples once: in a loop each look-up costs two atomic counts.
     wraps, lower, upper = chain.wraps, chain.lower, chain.upper
     columns, step, free = work.columns, work.step, work.free
     gram, right, residual = work.gram, work.multiplier, work.residual
@@ -223,7 +222,7 @@ def bounded_step(
             return
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def descend_pose(
     chain: ChainArrays,
     frozen: NDArray[np.bool_],

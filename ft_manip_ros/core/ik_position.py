@@ -9,6 +9,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from ft_manip_ros.core.chain import Array, ChainArrays
+from ft_manip_ros.core.compiled import kernel
 from ft_manip_ros.core.ik_types import CONVERGED, ITERATION_LIMIT, STALLED, IkControl, IkWork
 from ft_manip_ros.core.kernels import sweep
 
@@ -39,7 +40,7 @@ def solve3(
     return b0 * i0 - l10 * y1 - l20 * y2, y1, y2
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def descend_position(
     chain: ChainArrays,
     frozen: NDArray[np.bool_],
@@ -57,7 +58,6 @@ def descend_position(
     ``q`` must begin inside the limits; frozen joints stay where they are. Joints that wrap may
     end some turns away.
     """
-    # Fields are taken out of the tuples once: in a loop each look-up costs two atomic counts.
     rotations, translations, screws = chain.rotations, chain.translations, chain.screws
     prismatic, wraps, lower, upper = chain.prismatic, chain.wraps, chain.lower, chain.upper
     axes, origins, columns = work.axes, work.origins, work.columns

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from ft_manip_ros.core.chain import Array, ChainArrays
+from ft_manip_ros.core.compiled import kernel
 from ft_manip_ros.core.ik_pose import pose_error, weighted_columns
 from ft_manip_ros.core.ik_types import (
     CONVERGED,
@@ -27,7 +27,7 @@ _PROMISE = 1e-12
 _SMALLEST_STEP = 1e-9
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _cost(
     chain: ChainArrays,
     mode: int,
@@ -42,7 +42,7 @@ def _cost(
     return distance * distance + (weight * angle) ** 2, distance, angle
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _second_order(
     chain: ChainArrays, frozen: NDArray[np.bool_], mode: int, q: Array, work: IkWork
 ) -> float:
@@ -92,7 +92,7 @@ def _second_order(
     return largest
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _coupled_curvature(chain: ChainArrays, work: IkWork) -> None:
     """Take the position's curvature, as `_second_order` has it, from the Hessian: of all axes.
 
@@ -117,7 +117,7 @@ def _coupled_curvature(chain: ChainArrays, work: IkWork) -> None:
                 work.hessian[min(a, b), max(a, b)] -= s
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _newton_step(shift: float, work: IkWork) -> bool:
     """Turn the gradient in ``step`` into the shifted Newton step; False if not a descent."""
     h = work.hessian
@@ -149,7 +149,7 @@ def _newton_step(shift: float, work: IkWork) -> bool:
     return True
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def settle(
     chain: ChainArrays,
     frozen: NDArray[np.bool_],

@@ -10,6 +10,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from ft_manip_ros.core.chain import Array, ChainArrays
+from ft_manip_ros.core.compiled import kernel
 from ft_manip_ros.core.joint import FULL_TURN
 
 # What is asked of the tool: its position, also the direction of its z axis, or its whole frame.
@@ -80,14 +81,14 @@ def ik_work(n: int, axes: int) -> IkWork:
     )
 
 
-@njit(cache=True, nogil=True)
-def splitmix(state: int) -> np.uint64:
+@kernel
+def splitmix(state: np.uint64) -> np.uint64:
     """Next state of a counter-based generator (splitmix64: one constant is added per draw)."""
     return np.uint64(state) + np.uint64(0x9E3779B97F4A7C15)
 
 
-@njit(cache=True, nogil=True)
-def uniform(state: int) -> float:
+@kernel
+def uniform(state: np.uint64) -> float:
     """Return the number in [0, 1) that belongs to a state of `splitmix`."""
     z = np.uint64(state)
     z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
@@ -96,7 +97,7 @@ def uniform(state: int) -> float:
     return float(z >> np.uint64(11)) * (1.0 / 9007199254740992.0)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def wrap_near(value: float, near: float, lower: float, upper: float) -> float:
     """Turn a joint that wraps by whole turns: within its limits, then as close as can be."""
     value -= FULL_TURN * math.floor((value - near) / FULL_TURN + 0.5)
@@ -108,7 +109,7 @@ def wrap_near(value: float, near: float, lower: float, upper: float) -> float:
     return min(max(value, lower), upper)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def clip_start(chain: ChainArrays, frozen: NDArray[np.bool_], q: Array, work: IkWork) -> None:
     """Move a start inside the limits (frozen joints stay) and remember it."""
     for i in range(q.shape[0]):
@@ -117,7 +118,7 @@ def clip_start(chain: ChainArrays, frozen: NDArray[np.bool_], q: Array, work: Ik
         work.start[i] = q[i]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def wrap_all(chain: ChainArrays, frozen: NDArray[np.bool_], q: Array, near: Array) -> None:
     """Apply `wrap_near` to every joint that wraps and is not frozen."""
     for i in range(q.shape[0]):

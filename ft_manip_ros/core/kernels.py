@@ -9,6 +9,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from ft_manip_ros.core.chain import Array, ChainArrays
+from ft_manip_ros.core.compiled import kernel
 
 # pi/2 in three parts of 33 bits and less: k times the first two is exact for |k| < 2^20, so the
 # reduced argument keeps full relative precision (Cody & Waite; the parts and the polynomials on
@@ -139,7 +140,7 @@ def drive(driver: NDArray[np.int64], ratio: Array, q: Array, out: Array) -> None
         out[k] = ratio[k] * q[driver[k]]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def gather(driver: NDArray[np.int64], ratio: Array, columns: Array, out: Array) -> None:
     """Jacobian of the joints, one a row of ``out`` (n, m), from that of the axes, (N, m)."""
     out[:] = 0.0

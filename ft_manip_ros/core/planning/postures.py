@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 from ft_manip_ros.core.chain import Array, ChainArrays
+from ft_manip_ros.core.compiled import kernel
 from ft_manip_ros.core.goal import Goal
 from ft_manip_ros.core.ik_kernels import descend
 from ft_manip_ros.core.ik_settings import IkSettings, ik_control, ik_mode
@@ -16,7 +18,6 @@ from ft_manip_ros.core.ik_settle import settle
 from ft_manip_ros.core.ik_types import (
     CONVERGED,
     IkControl,
-    IkWork,
     ik_work,
     splitmix,
     uniform,
@@ -52,7 +53,7 @@ class Postures:
     orientation_error: float
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _is_new(q: Array, found: Array, count: int, wraps: NDArray[np.bool_]) -> bool:
     for k in range(count):
         apart = 0.0
@@ -77,22 +78,21 @@ def _search(
     near: Array,
     attempts: int,
     seed: int,
-    found: Array,
-    best: Array,
-    q: Array,
-    work: IkWork,
-) -> tuple[int, float, float]:
-    """Fill ``found`` (K, n); returns how many, and the errors of the posture left in ``best``.
+    most: int,
+) -> tuple[Array, Array, float, float]:
+    """Return postures, (K, n), ``most`` of them at most; the best one, (n,), and its errors.
 
     Starts are the rows of ``near`` (S, n), then random ones; a goal without any posture gets
     `_PATIENCE` times as many.
     """
-    n = q.shape[0]
+    n = near.shape[1]
+    found, best, q = np.empty((most, n)), near[0].copy(), np.empty(n)
+    work = ik_work(n, chain.screws.shape[0])
     state = np.uint64(seed)
     count, attempt = 0, 0
     least = np.inf
     best_position, best_orientation = np.inf, np.inf
-    while count < found.shape[0]:
+    while count < most:
         if attempt >= attempts * (1 if count > 0 else _PATIENCE):
             break
         for i in range(n):
@@ -117,7 +117,7 @@ def _search(
         _, _, best_position, best_orientation = settle(
             chain, frozen, mode, position, rotation, control, best, work
         )
-    return count, best_position, best_orientation
+    return found[:count], best, best_position, best_orientation
 
 
 def find_postures(
@@ -147,32 +147,28 @@ def find_postures(
     seed
         Of the random starts.
     """
-    n = near.shape[1]
     # A copy, since a read-only array is a type of its own: the kernel would be compiled again.
     rotation = np.array(_NO_ROTATION if goal.orientation is None else goal.orientation)
-    found, best, q = np.empty((settings.postures, n)), near[0].copy(), np.empty(n)
-    control = ik_control(
-        IkSettings(settings.ik_tolerance, settings.ik_orientation_tolerance, restarts=0)
-    )
-    near = np.ascontiguousarray(near)
-    count, position_error, orientation_error = _search(
+    found, best, position_error, orientation_error = _search(
         chain,
         frozen,
         ik_mode(goal),
         goal.position,
         rotation,
-        control,
-        near,
+        _control(settings.ik_tolerance, settings.ik_orientation_tolerance),
+        np.ascontiguousarray(near),
         settings.attempts,
         seed,
-        found,
-        best,
-        q,
-        ik_work(n, len(chain.screws)),
+        settings.postures,
     )
-    if count == 0 and _counts(goal, position_error, orientation_error):
-        found, count = best[None, :].copy(), 1
-    return Postures(found[:count], best, float(position_error), float(orientation_error))
+    if not len(found) and _counts(goal, position_error, orientation_error):
+        found = best[None, :].copy()
+    return Postures(found, best, position_error, orientation_error)
+
+
+@lru_cache(maxsize=8)
+def _control(tolerance: float, orientation_tolerance: float) -> IkControl:
+    return ik_control(IkSettings(tolerance, orientation_tolerance, restarts=0))
 
 
 def _counts(goal: Goal, position_error: float, orientation_error: float) -> bool:
