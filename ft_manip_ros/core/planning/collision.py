@@ -11,6 +11,7 @@ from ft_manip_ros.core.planning.approach import approaches
 from ft_manip_ros.core.planning.bounding import bounding_bodies
 from ft_manip_ros.core.planning.clearance import NO_ROOM, TOUCH, scan_move, scan_posture
 from ft_manip_ros.core.planning.collision_model import CollisionModel
+from ft_manip_ros.core.planning.move_scan import MoveScan
 
 # Halvings of a move after which what is still too near to tell apart counts as touching.
 _HALVINGS = 12
@@ -114,6 +115,30 @@ class CollisionChecker:
         return any(
             self._piece_touches(a, b, k, float(approach[k]), *piece)
             for k, piece in zip(pairs, pieces, strict=True)
+        )
+
+    def scan(self, here: Array, healthy: NDArray[np.intp]) -> MoveScan:
+        """Return what compiled searches need to judge moves, as far as capsules and hulls do.
+
+        It counts until the next call of a method of this. Parameters as for `Moves`.
+        """
+        chain = self.bodies.chain
+        return MoveScan(
+            True,
+            self._bounding,
+            self._checked,
+            self._approach,
+            self._slides,
+            chain.lower.copy(),
+            chain.upper.copy(),
+            chain.arrays.driver,
+            chain.arrays.ratio,
+            here.copy(),
+            healthy.copy(),
+            float(self.bodies.padding),
+            _HALVINGS,
+            self._pieces,
+            self._open,
         )
 
     def first_touch(self, times: Array, positions: Array) -> float | None:

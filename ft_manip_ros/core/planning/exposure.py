@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ft_manip_ros.core.chain import Array
 from ft_manip_ros.core.joint import FULL_TURN
 from ft_manip_ros.core.planning.limits import MotionLimits, travel
-from ft_manip_ros.core.planning.sequence import straight_times
+from ft_manip_ros.core.planning.move_times import straight_times
 
 # Instants of each move that are looked at.
 _INSTANTS = 25

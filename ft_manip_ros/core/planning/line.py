@@ -19,8 +19,8 @@ from ft_manip_ros.core.planning.collision import CollisionChecker
 from ft_manip_ros.core.planning.hulls import hull_accelerations, hull_velocities
 from ft_manip_ros.core.planning.limits import MotionLimits, travel
 from ft_manip_ros.core.planning.margins import tool_errors
+from ft_manip_ros.core.planning.move_times import rest_to_rest_time
 from ft_manip_ros.core.planning.postures import find_postures
-from ft_manip_ros.core.planning.sequence import rest_to_rest_time
 from ft_manip_ros.core.planning.settings import PlanSettings
 from ft_manip_ros.core.planning.timing import Motion
 

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from ft_manip_ros.core.chain import Array
 from ft_manip_ros.core.planning.collision import CollisionChecker
 from ft_manip_ros.core.planning.limits import MotionLimits, travel
+from ft_manip_ros.core.planning.move_scan import BLOCKED, FREE, UNKNOWN, no_scan
+from ft_manip_ros.core.planning.move_times import straight_time, straight_times
 from ft_manip_ros.core.planning.roadmap import Roadmap
-from ft_manip_ros.core.planning.sequence import straight_time
 from ft_manip_ros.core.planning.timing import Motion
 
 # Goal before the first one: where the arm stops; it has one posture.
@@ -70,10 +71,12 @@ class Moves:
         self._groups, self._limits = list(groups), limits
         self._here, self._healthy, self._checker = here, healthy, checker
         self._straight, self._checks = straight, checks
-        self._free: dict[Move, bool] = {}
+        self.scan = no_scan() if checker is None else checker.scan(here, healthy)
         self._unlinked: list[Move] = []  # free ones that the roadmap has not been told of
         self._added: dict[tuple[int, int], Array] = {}
-        self._roadmap = Roadmap(limits, self._touches, np.random.default_rng(seed))
+        self._known: dict[tuple[int, int], NDArray[np.int8]] = {}
+        self._times: dict[tuple[int, int], Array] = {}
+        self._roadmap = Roadmap(limits, self.touches, np.random.default_rng(seed))
         self._nodes: dict[tuple[int, int], int] = {}
         self.vias: dict[Move, Array] = {}  # postures, (V, m), of ways round
 
@@ -84,10 +87,14 @@ class Moves:
     def extend(self, goal: int, postures: Array) -> None:
         """Take in further postures, (K, m), of a goal."""
         self._groups[goal] = np.vstack([self._groups[goal], postures])
+        self._times = {pair: times for pair, times in self._times.items() if goal not in pair}
         more = len(postures)
         for (before, after), added in self._added.items():
-            rows, columns = more * (before == goal), more * (after == goal)
-            self._added[before, after] = np.pad(added, ((0, rows), (0, columns)))
+            room = (0, more * (before == goal)), (0, more * (after == goal))
+            self._added[before, after] = np.pad(added, room)
+            self._known[before, after] = np.pad(
+                self._known[before, after], room, constant_values=UNKNOWN
+            )
 
     def added(self, before: int, goal: int) -> Array:
         """Seconds that moves take longer than straight ones, (K_before, K); infinite if blocked.
@@ -97,7 +104,10 @@ class Moves:
         key = before, goal
         if key not in self._added:
             starts, ends = self.group(before), self.group(goal)
-            self._added[key] = np.zeros((len(starts), len(ends)))
+            shape = len(starts), len(ends)
+            self._added[key] = np.zeros(shape)
+            sure = self._checker is None or goal in self._straight
+            self._known[key] = np.full(shape, FREE if sure else UNKNOWN, dtype=np.int8)
             if goal in self._straight and before != START:
                 # Only lines lead there, from the goal before it alone.
                 self._added[key][:] = np.inf
@@ -105,21 +115,26 @@ class Moves:
                     self._added[key][a, b] = line.duration - self.time(starts[a], ends[b])
         return self._added[key]
 
-    def is_free(self, move: Move) -> bool:
-        """Whether a move is free, straight or by a way round known already."""
-        if self._checker is None or move in self.vias or move.goal in self._straight:
-            return True
-        if move not in self._free:
-            self._free[move] = not self._touches(*self._ends(move))
-            if self._free[move]:
-                self._unlinked.append(move)
-            else:
-                self.added(move.before, move.goal)[move.a, move.b] = np.inf
-        return self._free[move]
+    def straight_times(self, before: int, goal: int) -> Array:
+        """Seconds that straight moves take from rest to rest, (K_before, K)."""
+        key = before, goal
+        if key not in self._times:
+            self._times[key] = straight_times(self.group(before), self.group(goal), self._limits)
+        return self._times[key]
 
-    def is_known_free(self, move: Move) -> bool:
-        """Whether a move has been looked at and is free."""
-        return self._free.get(move, False) or move in self.vias or move.goal in self._straight
+    def known(self, before: int, goal: int) -> NDArray[np.int8]:
+        """What is known of the moves, (K_before, K): `UNKNOWN`, `FREE` or `BLOCKED`."""
+        self.added(before, goal)
+        return self._known[before, goal]
+
+    def learn(self, before: int, goal: int, known: NDArray[np.int8]) -> None:
+        """Take in what was found out about moves, (K_before, K)."""
+        old, added = self.known(before, goal), self.added(before, goal)
+        new = (old == UNKNOWN) & (known != UNKNOWN)
+        added[new & (known == BLOCKED)] = np.inf
+        free = np.argwhere(new & (known == FREE)).tolist()
+        self._unlinked += [Move(before, a, goal, b) for a, b in free]
+        old[new] = known[new]
 
     def go_round(self, before: int, starts: Sequence[int], goal: int) -> bool:
         """Look for a way round from one of some postures of a goal to one of the next."""
@@ -135,14 +150,14 @@ class Moves:
         if found is None:
             return False
         move = Move(before, begins[found[0]], goal, ends[found[-1]])
-        self._free[move] = len(found) == 2
         longer = 0.0
-        if not self._free[move]:
+        if len(found) > 2:
             vias = np.array([self._roadmap.at(node) for node in found[1:-1]])
             a, b = self._ends(move)
             longer = sum(self.time(*leg) for leg in pairwise([a, *vias, b])) - self.time(a, b)
             self.vias[move] = vias
         self.added(before, goal)[move.a, move.b] = longer
+        self.known(before, goal)[move.a, move.b] = FREE
         return True
 
     def time(self, a: Array, b: Array) -> float:
@@ -166,7 +181,12 @@ class Moves:
         end = self.group(move.goal)[move.b]
         return start, start + travel(start, end, self._limits.unlimited)
 
-    def _touches(self, a: Array, b: Array) -> bool:
+    def move_touches(self, move: Move) -> bool:
+        """Tell whether anything touches on a move."""
+        return self.touches(*self._ends(move))
+
+    def touches(self, a: Array, b: Array) -> bool:
+        """Tell whether anything touches on the straight move between two postures, (m,)."""
         assert self._checker is not None
         full_a, full_b = self._here.copy(), self._here.copy()
         full_a[self._healthy], full_b[self._healthy] = a, b

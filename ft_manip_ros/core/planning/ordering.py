@@ -8,7 +8,7 @@ import numpy as np
 
 from ft_manip_ros.core.chain import Array
 from ft_manip_ros.core.planning.limits import MotionLimits
-from ft_manip_ros.core.planning.sequence import straight_times
+from ft_manip_ros.core.planning.move_times import straight_times
 
 
 def fastest_order(first: Array, groups: list[Array], limits: MotionLimits) -> list[int]:

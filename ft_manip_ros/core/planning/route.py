@@ -16,9 +16,9 @@ from ft_manip_ros.core.planning.finding import Finding
 from ft_manip_ros.core.planning.limits import MotionLimits, folded, travel
 from ft_manip_ros.core.planning.lines import Lines
 from ft_manip_ros.core.planning.margins import posture_margins
+from ft_manip_ros.core.planning.move_times import straight_time
 from ft_manip_ros.core.planning.moves import Moves
 from ft_manip_ros.core.planning.ordering import fastest_order, safest_order
-from ft_manip_ros.core.planning.sequence import straight_time
 from ft_manip_ros.core.planning.settings import Order, PlanSettings
 from ft_manip_ros.core.planning.timing import Motion
 from ft_manip_ros.core.planning.way import WayFinder

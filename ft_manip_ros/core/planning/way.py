@@ -5,13 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ft_manip_ros.core.chain import Array
+from ft_manip_ros.core.planning.lazy_path import ASKS, FOUND, GIVEN_UP, free_path
 from ft_manip_ros.core.planning.limits import MotionLimits
+from ft_manip_ros.core.planning.move_scan import BLOCKED, FREE
 from ft_manip_ros.core.planning.moves import START, Move, Moves
-from ft_manip_ros.core.planning.sequence import choose_postures
 
 # Moves of one goal that may be looked at before it is given up.
 _MOVES_PER_GOAL = 24
@@ -34,6 +37,16 @@ class Way:
     kept: list[int]
     picks: list[int]
     vias: dict[int, Array] = field(default_factory=dict)
+
+
+class _Layers(NamedTuple):
+    """Postures of L goals in order, at most K each, as `free_path` has them."""
+
+    between: Array  # (L, K, K), s
+    extra: Array  # (L, K), s
+    sizes: NDArray[np.int64]  # (L,)
+    known: NDArray[np.int8]  # (L, K, K)
+    postures: Array  # (L, K, m)
 
 
 class WayFinder:
@@ -66,8 +79,8 @@ class WayFinder:
     ) -> None:
         self._moves, self._count, self._limits = moves, count, limits
         self._first, self._extra, self._more = first, extra, more
-        self._known_first: dict[int, Array] = {}
-        self._known_extra: dict[int, Array] = {}
+        # By goal and how many of its postures there are: others may be added.
+        self._firsts: dict[tuple[int, int], Array] = {}
         self._asked: set[int] = set()
 
     def find(self) -> Way:
@@ -85,45 +98,66 @@ class WayFinder:
 
     def _try(self, kept: list[int]) -> tuple[list[int], int | None]:
         """Postures of a free way through the kept goals, or the goal where it ends."""
-        for _ in range(_MOVES_PER_GOAL * len(kept)):
-            picks, total = self._choose(kept)
-            if not np.isfinite(total):
-                goal = self._first_cut_off(kept)
-                if not self._find_detour(kept, goal):
-                    return [], goal
-                continue
-            if all(self._moves.is_free(move) for move in _moves(kept, picks)):
-                return picks, None
-        return [], self._first_unfree(kept)
+        looks = _MOVES_PER_GOAL * len(kept)
+        while True:
+            layers = self._layers(kept)
+            end, path, place, looks = self._search(kept, layers, looks)
+            for (before, goal), known in zip(pairwise([START, *kept]), layers.known, strict=True):
+                shape = self._moves.added(before, goal).shape
+                self._moves.learn(before, goal, known[: shape[0], : shape[1]])
+            if end == FOUND:
+                return path.tolist(), None
+            if end == GIVEN_UP or not self._find_detour(kept, kept[place]):
+                return [], kept[place]
 
-    def _choose(self, kept: list[int]) -> tuple[list[int], float]:
-        for goal in kept:
-            if goal not in self._known_extra:
-                self._known_extra[goal] = self._extra(goal)
-        if kept[0] not in self._known_first:
-            self._known_first[kept[0]] = self._first(kept[0])
-        return choose_postures(
-            self._known_first[kept[0]] + self._moves.added(START, kept[0])[0],
-            [self._moves.group(k) for k in kept],
-            self._limits,
-            extra=[self._known_extra[k] for k in kept],
-            penalties=[self._moves.added(*pair) for pair in pairwise(kept)],
-        )
+    def _search(
+        self, kept: list[int], layers: _Layers, looks: int
+    ) -> tuple[int, NDArray[np.int64], int, int]:
+        """As `free_path`; moves that it asks about are judged."""
+        start = self._moves.group(START)[0]
+        while True:
+            end, path, place, looks = free_path(
+                *layers, start, self._limits.unlimited, self._moves.scan, looks
+            )
+            if end != ASKS:
+                return end, path, place, looks
+            before, a = (kept[place - 1], path[place - 1]) if place else (START, 0)
+            b = path[place]
+            blocked = self._moves.move_touches(Move(before, int(a), kept[place], int(b)))
+            layers.known[place, a, b] = BLOCKED if blocked else FREE
+            if blocked:
+                layers.between[place, a, b] = np.inf
+                looks -= 1
 
-    def _first_unfree(self, kept: list[int]) -> int:
-        """First goal on the way chosen last whose move is not known to be free."""
-        picks, _ = self._choose(kept)
-        for place, move in enumerate(_moves(kept, picks)):
-            if not self._moves.is_known_free(move):
-                return kept[place]
-        return kept[-1]
+    def _layers(self, kept: list[int]) -> _Layers:
+        """What is known of the postures of the kept goals, and of the moves between them."""
+        groups = [self._moves.group(k) for k in kept]
+        most = max(map(len, groups))
+        sizes = np.array([len(group) for group in groups])
+        between = np.full((len(kept), most, most), np.inf)
+        known = np.zeros(between.shape, dtype=np.int8)
+        extra = np.zeros((len(kept), most))
+        postures = np.zeros((len(kept), most, groups[0].shape[1]))
+        for place, (before, goal) in enumerate(pairwise([START, *kept])):
+            added = self._moves.added(before, goal)
+            rows, columns = added.shape
+            straight = (
+                self._first_times(goal)
+                if before == START
+                else self._moves.straight_times(before, goal)
+            )
+            between[place, :rows, :columns] = straight + added
+            known[place, :rows, :columns] = self._moves.known(before, goal)
+            extra[place, :columns] = self._extra(goal)
+            postures[place, :columns] = groups[place]
+        return _Layers(between, extra, sizes, known, postures)
 
-    def _first_cut_off(self, kept: list[int]) -> int:
-        """First goal that no way leads to."""
-        for count in range(1, len(kept)):
-            if not np.isfinite(self._choose(kept[:count])[1]):
-                return kept[count - 1]
-        return kept[-1]
+    def _first_times(self, goal: int) -> Array:
+        """Time (s) from the moving start to each posture of a goal."""
+        key = goal, len(self._moves.group(goal))
+        if key not in self._firsts:
+            self._firsts[key] = self._first(goal)
+        return self._firsts[key]
 
     def _find_detour(self, kept: list[int], goal: int) -> bool:
         """Look for a way round to a goal, to other postures of it if need be."""
@@ -138,8 +172,6 @@ class WayFinder:
         if not len(others):
             return False
         self._moves.extend(goal, others)
-        self._known_first.pop(goal, None)
-        self._known_extra.pop(goal, None)
         return True
 
     def _reached(self, kept: list[int]) -> list[int]:

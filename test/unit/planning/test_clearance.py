@@ -18,6 +18,7 @@ from ft_manip_ros.core.planning.approach import approaches
 from ft_manip_ros.core.planning.bounding import bounding_bodies, bounding_capsule, bounding_hull
 from ft_manip_ros.core.planning.collision import CollisionChecker
 from ft_manip_ros.core.planning.link_capsules import capsule_model
+from ft_manip_ros.core.planning.move_scan import ASK, BLOCKED, FREE, judged
 from ft_manip_ros.core.planning.obstacles import Obstacle
 from ft_manip_ros.core.planning.pair_distance import box_distance, segment_distance
 from ft_manip_ros.core.planning.urdf_bodies import urdf_model
@@ -167,6 +168,17 @@ def test_answers_are_those_of_coal_alone(name):
     moves = [(a, a + 0.3 * (b - a)) for a, b in pairwise(free)]
     found = [judge.move_touches(a, b) for a, b in moves]
     assert found == [plain.move_touches(a, b) for a, b in moves]
+    # In searches the same is asked in compiled code, of the joints that move.
+    some = np.arange(1, chain.n)
+    settled = 0
+    for a, b in moves:
+        there = np.where(np.arange(chain.n) == 0, a, b)
+        said = judged(judge.scan(a, some), a[some], there[some])
+        if said != ASK:
+            settled += 1
+            assert said == (BLOCKED if judge.move_touches(a, there) else FREE)
+    # Coal has to be asked about every move of the TIAGo.
+    assert settled > len(moves) / 2 or name == 'tiago'
     for (a, b), touching in zip(moves, found, strict=True):
         if not touching:
             assert not any(plain.touches(a + t * (b - a)) for t in np.linspace(0.0, 1.0, 60))

@@ -9,7 +9,7 @@ import pytest
 
 from ft_manip_ros.core.planning.exposure import Exposure
 from ft_manip_ros.core.planning.limits import MotionLimits
-from ft_manip_ros.core.planning.sequence import straight_times
+from ft_manip_ros.core.planning.move_times import straight_times
 
 
 def gantry(bad_from, bad_to):

@@ -12,9 +12,9 @@ from ft_manip_ros.core.arm_file import load_arm
 from ft_manip_ros.core.goal import Goal
 from ft_manip_ros.core.kinematics import fk
 from ft_manip_ros.core.planning.limits import joint_limits_yaml, motion_limits
+from ft_manip_ros.core.planning.move_times import straight_time
 from ft_manip_ros.core.planning.ordering import fastest_order, safest_order
 from ft_manip_ros.core.planning.replan import plan_task
-from ft_manip_ros.core.planning.sequence import straight_time
 from ft_manip_ros.core.planning.settings import Order, PlanSettings
 
 ARM = load_arm('paredis_table_3')

@@ -9,7 +9,7 @@ import ruckig
 from ft_manip_ros.core.joint import FULL_TURN
 from ft_manip_ros.core.planning import timing
 from ft_manip_ros.core.planning.limits import MotionLimits, travel
-from ft_manip_ros.core.planning.sequence import rest_to_rest_time, straight_time
+from ft_manip_ros.core.planning.move_times import rest_to_rest_time, straight_time
 
 
 def limits(n=2, *, reach=3.0, unlimited=False, velocity=1.0, acceleration=4.0, jerk=40.0):
