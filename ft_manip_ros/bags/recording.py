@@ -15,6 +15,9 @@ from ft_manip_ros.core.errors import InputError
 
 # What a queued message costs beside its bytes: the tuple and its numbers.
 MESSAGE_OVERHEAD = 200
+# For a slow disk to take what waits in memory (s). `ros2 launch` kills what has not ended 10 s
+# after Ctrl-C.
+CLOSE_TIME = 6.0
 _IDLE = 0.05  # s, longest wait of the thread before it looks at the flush interval
 _RETRY = 1.0  # s, between attempts at a disk that refused
 
@@ -123,7 +126,7 @@ class Recording:
                 status.error,
             )
 
-    def close(self, timeout: float = 1.0) -> RecordingStatus:
+    def close(self, timeout: float = CLOSE_TIME) -> RecordingStatus:
         """Write what is queued, finish the bag and return the final counts.
 
         Parameters

@@ -10,7 +10,13 @@ from pathlib import Path
 
 from ft_manip_ros.bags.definitions import MessageDefinition
 from ft_manip_ros.bags.qos import QosProfile
-from ft_manip_ros.bags.recording import MESSAGE_OVERHEAD, Recorded, Recording, RecordingStatus
+from ft_manip_ros.bags.recording import (
+    CLOSE_TIME,
+    MESSAGE_OVERHEAD,
+    Recorded,
+    Recording,
+    RecordingStatus,
+)
 from ft_manip_ros.bags.writer import BagWriter
 from ft_manip_ros.bags.writer_settings import WriterSettings
 from ft_manip_ros.core.errors import InputError
@@ -145,7 +151,7 @@ class SnapshotRecording:
             total.error = total.error or part.error
         return total
 
-    def close(self, timeout: float = 1.0) -> RecordingStatus:
+    def close(self, timeout: float = CLOSE_TIME) -> RecordingStatus:
         """Finish the bag that is being written, if any, and return the final counts."""
         deadline = time.monotonic() + timeout
         if self._current is not None:

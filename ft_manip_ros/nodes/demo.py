@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 import rclpy
+from lifecycle_msgs.msg import Transition
 from rclpy.logging import LoggingSeverity
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
@@ -27,7 +28,7 @@ from ft_manip_ros.nodes import topics
 from ft_manip_ros.nodes.demo_arm import ask_workspace, obtain_arm
 from ft_manip_ros.nodes.demo_bag import read_back, replay
 from ft_manip_ros.nodes.demo_domain import own_domain
-from ft_manip_ros.nodes.demo_observer import START_TIME, Observer, StoryError
+from ft_manip_ros.nodes.demo_observer import START_TIME, STOP_TIME, Observer, StoryError
 from ft_manip_ros.nodes.demo_options import arm_of, chosen_joints, parse_options
 from ft_manip_ros.nodes.demo_picture import draw
 from ft_manip_ros.nodes.demo_processes import Processes
@@ -123,6 +124,8 @@ class Story:
         observer, timeline = self.observer, self.timeline
         try:
             record = execute(chain, task, joints, fault_tolerant, rng, observer, timeline)
+            # The bag is read next: whole, however long the disk takes.
+            observer.transit('recorder', Transition.TRANSITION_DEACTIVATE, STOP_TIME)
         except NotNeededError as error:
             if self.options.joint != 'all':
                 raise

@@ -6,6 +6,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+from rosbags.rosbag2 import ReaderError
+
 from ft_manip_ros.bags.independent_readers import count_with_mcap, count_with_rosbags
 from ft_manip_ros.bags.reader import open_bag
 from ft_manip_ros.nodes import topics
@@ -27,7 +29,10 @@ def read_back(bag: Path, record: Record, queried: bool, timeline: Timeline) -> N
     StoryError
         Where they disagree or something is missing.
     """
-    counts, again = count_with_rosbags(bag), count_with_mcap(bag)
+    try:
+        counts, again = count_with_rosbags(bag), count_with_mcap(bag)
+    except (OSError, ReaderError) as error:
+        raise StoryError(f'{bag} is not whole: {error}') from error
     if counts != again:
         raise StoryError(f'rosbags and mcap read different bags: {counts} and {again}')
     wanted = [

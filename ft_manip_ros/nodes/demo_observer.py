@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from lifecycle_msgs.msg import State
+from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 from rclpy.executors import SingleThreadedExecutor
 from sensor_msgs.msg import JointState
@@ -20,6 +20,15 @@ from ft_manip_ros.nodes.managed_node import ManagedNode
 # For a process to import, configure and activate (s). A few seconds, but minutes where kernels
 # have to be compiled first: `make warm` does that beforehand.
 START_TIME = 300.0
+# For a node to do what deactivating asks of it (s), such as finishing a bag.
+STOP_TIME = 30.0
+_PATIENCE = 5.0  # s, after which a question may have been lost
+_REACHED = {
+    Transition.TRANSITION_CONFIGURE: State.PRIMARY_STATE_INACTIVE,
+    Transition.TRANSITION_ACTIVATE: State.PRIMARY_STATE_ACTIVE,
+    Transition.TRANSITION_DEACTIVATE: State.PRIMARY_STATE_INACTIVE,
+    Transition.TRANSITION_CLEANUP: State.PRIMARY_STATE_UNCONFIGURED,
+}
 
 
 class StoryError(RuntimeError):
@@ -112,18 +121,36 @@ class Observer(ManagedNode):
         deadline = time.monotonic() + timeout
         while True:
             left = max(deadline - time.monotonic(), 0.0)
-            answer = self.call(
-                GetState, f'{node}/get_state', GetState.Request(), timeout=left, again=5.0
-            )
-            if answer.current_state.id == State.PRIMARY_STATE_ACTIVE:
+            if self._state_of(node, left) == State.PRIMARY_STATE_ACTIVE:
                 return
 
     def transit(self, node: str, transition: int, timeout: float) -> None:
-        """Lead a lifecycle node through a transition."""
+        """Lead a lifecycle node through a transition; it is through when this returns."""
         request = ChangeState.Request()
         request.transition.id = transition
-        if not self.call(ChangeState, f'{node}/change_state', request, timeout=timeout).success:
-            raise StoryError(f'{node} refused transition {transition}')
+        deadline = time.monotonic() + timeout
+        while True:
+            left = max(deadline - time.monotonic(), 0.0)
+            answered = True
+            try:
+                self.call(
+                    ChangeState, f'{node}/change_state', request, timeout=min(left, _PATIENCE)
+                )
+            except SilenceError:
+                # Lost, or still at work: then the state is told after the work is done.
+                answered = False
+            left = max(deadline - time.monotonic(), 0.0)
+            state = self._state_of(node, left)
+            if state == _REACHED[transition]:
+                return
+            if answered:
+                raise StoryError(f'{node} refused transition {transition}: it is in state {state}')
+
+    def _state_of(self, node: str, timeout: float) -> int:
+        answer = self.call(
+            GetState, f'{node}/get_state', GetState.Request(), timeout=timeout, again=_PATIENCE
+        )
+        return int(answer.current_state.id)
 
     def until_joined(self, topic: str, *, publishers: int, subscriptions: int) -> None:
         """Wait until a topic has its publishers and subscriptions, this node's included."""

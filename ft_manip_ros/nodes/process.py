@@ -1,4 +1,4 @@
-"""One process, one node: initialise, spin, stop within two seconds of Ctrl-C or SIGTERM."""
+"""One process, one node: initialise, spin, stop in bounded time after Ctrl-C or SIGTERM."""
 
 from __future__ import annotations
 
@@ -25,11 +25,18 @@ from rclpy.signals import SignalHandlerOptions
 from ft_manip_ros.nodes.managed_node import ManagedNode
 
 _POLL = 0.2  # s, how often the spinning thread looks whether it should stop
-_GRACE = 1.5  # s, after which a process that is still stopping is ended
+GRACE = 1.5  # s, after which a process that is still stopping is ended
 
 
-def run(factory: Callable[[], ManagedNode], args: Sequence[str] | None = None) -> int:
+def run(
+    factory: Callable[[], ManagedNode], args: Sequence[str] | None = None, *, grace: float = GRACE
+) -> int:
     """Run a node until Ctrl-C, SIGTERM or a shutdown of its context.
+
+    Parameters
+    ----------
+    grace
+        Time (s) that the node may take to stop after a signal; then the process is ended.
 
     Returns
     -------
@@ -43,7 +50,7 @@ def run(factory: Callable[[], ManagedNode], args: Sequence[str] | None = None) -
         args=None if args is None else list(args), signal_handler_options=SignalHandlerOptions.NO
     )
     stop = threading.Event()
-    _stop_on_signals(stop)
+    _stop_on_signals(stop, grace)
     code = _serve(factory, stop)
     if stop.is_set():
         # The middleware tells others of the end when the last reference to the node is gone.
@@ -90,7 +97,7 @@ def _spin(node: ManagedNode, executor: Executor, stop: threading.Event) -> None:
             node.get_logger().error(f'in a callback:\n{traceback.format_exc()}')
 
 
-def _stop_on_signals(stop: threading.Event) -> None:
+def _stop_on_signals(stop: threading.Event, grace: float) -> None:
     """Set ``stop`` on SIGINT or SIGTERM, and end the process if it does not end by itself.
 
     Python runs signal handlers in the main thread, between two of its instructions, so a long
@@ -117,7 +124,7 @@ def _stop_on_signals(stop: threading.Event) -> None:
         received = reader.recv(1)
         stop.set()
         # A process that ends in time takes this thread with it.
-        time.sleep(_GRACE)
+        time.sleep(grace)
         print('still busy: leaving without waiting any longer', file=sys.stderr, flush=True)
         os._exit(128 + received[0])
 

@@ -15,7 +15,7 @@ from std_srvs.srv import Trigger
 from ft_manip_interfaces.msg import JointFault
 from ft_manip_ros.bags.definitions import message_definition
 from ft_manip_ros.bags.qos import QosProfile
-from ft_manip_ros.bags.recording import Recorded, Recording
+from ft_manip_ros.bags.recording import CLOSE_TIME, Recorded, Recording
 from ft_manip_ros.bags.rosbag_metadata import FILE_NAME
 from ft_manip_ros.bags.snapshot import SnapshotRecording
 from ft_manip_ros.bags.writer import BagWriter
@@ -35,6 +35,7 @@ _MIB = 1 << 20
 _POLL = 0.02  # s, between takes
 _DISCOVERY = 0.1  # s, between looks at the graph
 _DIAGNOSTICS = 1.0  # s
+_GRACE = CLOSE_TIME + 2.0  # s, to finish the bag after Ctrl-C
 _FAULT_TYPE = 'ft_manip_interfaces/msg/JointFault'
 _TRIGGERS = (JointFault.LOCKED, JointFault.RUNAWAY)
 
@@ -230,7 +231,7 @@ def _is_trigger(message: Recorded) -> bool:
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node until Ctrl-C or SIGTERM."""
-    return run(Recorder, args)
+    return run(Recorder, args, grace=_GRACE)
 
 
 if __name__ == '__main__':

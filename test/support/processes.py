@@ -14,7 +14,7 @@ from pathlib import Path
 
 import psutil
 
-_STOP_TIME = 5.0  # s, more than a node is allowed, for machines under load
+_STOP_TIME = 10.0  # s, more than a node is allowed, for machines under load
 _PR_SET_PDEATHSIG = 1
 
 
