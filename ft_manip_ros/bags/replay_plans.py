@@ -5,6 +5,7 @@ from __future__ import annotations
 import heapq
 from collections import defaultdict, deque
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 from dataclasses import fields
 from functools import partial
 from typing import Any
@@ -44,7 +45,8 @@ class PlanReplay:
 
     The re-planner and the recorder receive messages of different topics in slightly different
     order. A plan says with its trajectory's stamp which joint state it started from; the task or
-    fault that it answers is delivered right after that one.
+    fault that it answers is delivered right after that one. A state that only the re-planner
+    received (a recorder may join late, or lose it) is taken from the start of its trajectory.
     """
 
     def __init__(self, setup: ReplaySetup) -> None:
@@ -54,6 +56,8 @@ class PlanReplay:
         self.block_handlers: dict[str, Callable[[JointBlock], Iterable[InputError]]] = {}
         # For the stamp of each message that plans answer: where those plans start, in order.
         self._starts: dict[int, deque[int]] = defaultdict(deque)
+        # What plans tell of the states they start from: positions and speeds by stamp.
+        self._told: dict[int, tuple[dict[str, float], dict[str, float] | None]] = {}
         self._due: list[tuple[int, int, Callable[[], None]]] = []
         self._scheduled: set[tuple[str, int]] = set()
         # Stamp of the last one delivered of each topic.
@@ -88,6 +92,8 @@ class PlanReplay:
             start = nanoseconds(message.trajectory.header.stamp)
             if start:
                 self._starts[nanoseconds(message.header.stamp)].append(start)
+                if len(message.trajectory.points):
+                    self._told[start] = _start_state(message.trajectory)
 
     def _schedule(self, setup: ReplaySetup, topic: str, deliver: Deliver) -> None:
         """Deliver each message that a plan answers right after the state it starts from."""
@@ -130,6 +136,12 @@ class PlanReplay:
     def _take(
         self, stamp: int, positions: dict[str, float], velocities: dict[str, float] | None
     ) -> None:
+        while self._due and self._latest < (start := self._due[0][0]) < stamp:
+            if start not in self._told:
+                break
+            # One that does not fit this arm is left out; then the next state has to do.
+            with suppress(InputError):
+                self._take(start, *self._told.pop(start))
         _, decision = self._executive.on_joint_state(stamp, positions, velocities)
         self._latest = max(self._latest, stamp)
         self._note(decision, stamp)
@@ -173,6 +185,15 @@ class PlanReplay:
             # The node's proof arrived when its plan says; a report alone hangs on no state.
             starts = self._starts.get(header)
             self._at(starts.popleft() if starts else decision.stamp, deliver)
+
+
+def _start_state(trajectory: Any) -> tuple[dict[str, float], dict[str, float] | None]:
+    """Positions and speeds by joint at the start of a trajectory message with a stamp."""
+    names, first = list(trajectory.joint_names), trajectory.points[0]
+    positions = dict(zip(names, first.positions.tolist(), strict=False))
+    if len(first.velocities) != len(names):
+        return positions, None
+    return positions, dict(zip(names, first.velocities.tolist(), strict=True))
 
 
 def _settings(parameters: dict[str, Any]) -> tuple[PlanSettings, ExecutiveSettings]:

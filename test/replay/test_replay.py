@@ -21,6 +21,7 @@ from ft_manip_ros.bags.replay import ReplayResult, replay
 from ft_manip_ros.bags.writer import BagWriter
 from ft_manip_ros.cli.main import main
 from ft_manip_ros.core.errors import InputError
+from ft_manip_ros.nodes.conversions import nanoseconds
 
 CASE = Path(__file__).resolve().parents[2] / 'bags' / 'locked_joint'
 
@@ -157,13 +158,39 @@ def test_a_fault_state_recorded_late_does_not_undo_a_later_one(
     assert again.digest == result.digest
 
 
+def test_a_state_that_only_the_replanner_received_is_taken_from_its_plan(
+    bag: Bag, result: ReplayResult, tmp_path: Path
+) -> None:
+    """The recorder joined too late for the state that the first plan starts from."""
+    plans = [bag.decode(m) for m in bag.messages(['/replanner/task_plan', '/recovery_plan'])]
+    starts = [nanoseconds(plan.trajectory.header.stamp) for plan in plans]
+    assert len(starts) == 2
+    lost = []
+
+    def lose(record: BagMessage) -> BagMessage | None:
+        if record.topic != '/joint_states':
+            return record
+        stamp = nanoseconds(bag.decode(record).header.stamp)
+        # Until 50 ms after the start of the first, and the very state of the second.
+        if stamp <= starts[0] + 50_000_000 or stamp == starts[1]:
+            lost.append(stamp)
+            return None
+        return record
+
+    again = replay(rewrite(bag, tmp_path / 'bag', lose))
+    assert set(starts) <= set(lost)
+    plans_of = [[f for f in r.replayed if f.kind == 'plan'] for r in (again, result)]
+    assert plans_of[0] == plans_of[1]
+    assert not again.differences
+
+
 def test_a_changed_input_is_a_difference(bag: Bag, tmp_path: Path) -> None:
     """The same arm, but the locked joint moves on in the joint states: no lock is found."""
     from rclpy.serialization import deserialize_message
     from sensor_msgs.msg import JointState
     from trajectory_msgs.msg import JointTrajectory
 
-    from ft_manip_ros.nodes.conversions import nanoseconds, path_from_message
+    from ft_manip_ros.nodes.conversions import path_from_message
     from support.cdr import cdr
 
     topic = '/joint_trajectory_controller/joint_trajectory'
