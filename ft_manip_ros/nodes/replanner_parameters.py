@@ -58,8 +58,9 @@ PARAMETERS = (
     ),
     ParameterSpec(
         'detour_checks',
-        400,
-        'Moves checked for collision to find ways round, at most; each takes about 1 ms.',
+        1000,
+        'Moves checked for collision to find ways round, at most; each takes about 0.01 ms, '
+        'more where coal has to be asked.',
         '',
         0,
         1_000_000,

@@ -76,7 +76,7 @@ class Moves:
         self._added: dict[tuple[int, int], Array] = {}
         self._known: dict[tuple[int, int], NDArray[np.int8]] = {}
         self._times: dict[tuple[int, int], Array] = {}
-        self._roadmap = Roadmap(limits, self.touches, np.random.default_rng(seed))
+        self._roadmap = Roadmap(limits, self.touches, self.scan, seed)
         self._nodes: dict[tuple[int, int], int] = {}
         self.vias: dict[Move, Array] = {}  # postures, (V, m), of ways round
 
@@ -89,12 +89,10 @@ class Moves:
         self._groups[goal] = np.vstack([self._groups[goal], postures])
         self._times = {pair: times for pair, times in self._times.items() if goal not in pair}
         more = len(postures)
-        for (before, after), added in self._added.items():
-            room = (0, more * (before == goal)), (0, more * (after == goal))
-            self._added[before, after] = np.pad(added, room)
-            self._known[before, after] = np.pad(
-                self._known[before, after], room, constant_values=UNKNOWN
-            )
+        for pair in [pair for pair in self._added if goal in pair]:
+            room = (0, more * (pair[0] == goal)), (0, more * (pair[1] == goal))
+            self._added[pair] = np.pad(self._added[pair], room)
+            self._known[pair] = np.pad(self._known[pair], room, constant_values=UNKNOWN)
 
     def added(self, before: int, goal: int) -> Array:
         """Seconds that moves take longer than straight ones, (K_before, K); infinite if blocked.

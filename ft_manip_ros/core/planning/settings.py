@@ -80,7 +80,7 @@ class PlanSettings:
     ik_tolerance: float = 1e-6
     ik_orientation_tolerance: float = 1e-6
     proof_boxes: int = 50_000
-    detour_checks: int = 400
+    detour_checks: int = 1000
     dwell: float = 0.2
     rate_scale: float = 0.95
     jerk_time: float = 0.1

@@ -9,9 +9,12 @@ import numpy as np
 from ft_manip_ros.core.chain import Array, SerialChain
 from ft_manip_ros.core.goal import Goal
 from ft_manip_ros.core.kinematics import fk
+from ft_manip_ros.core.planning.limits import motion_limits
+from ft_manip_ros.core.planning.move_scan import no_scan
 from ft_manip_ros.core.planning.plan import GoalOutcome, Outcome, Plan, PlanStatus
 from ft_manip_ros.core.planning.proof import prove
 from ft_manip_ros.core.planning.replan import plan_task
+from ft_manip_ros.core.planning.roadmap import Roadmap
 from ft_manip_ros.core.planning.settings import PlanSettings
 
 
@@ -27,6 +30,11 @@ def warm_up(chain: SerialChain, settings: PlanSettings) -> None:
     goals.append(replace(goals[0], straight_line=True))
     first = chain.joint_names[0]
     cases: tuple[dict[str, float], ...] = ({}, {first: float(middle[0])})
+    limits = motion_limits(chain, operating=False, jerk_time=settings.jerk_time)
+    roadmap = Roadmap(limits, lambda a, b: False, no_scan(), settings.seed)
+    ends = [roadmap.add(q) for q in (chain.lower, middle, chain.upper)]
+    roadmap.link(ends[0], ends[1])
+    roadmap.way(ends[:1], ends[2:], 4)
     prove(chain, _undecided(chain, middle), replace(settings, proof_boxes=2))
     for frozen in cases:
         plan_task(

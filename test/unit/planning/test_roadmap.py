@@ -7,7 +7,12 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from ft_manip_ros.core.planning.limits import MotionLimits
+from ft_manip_ros.core.arm_file import load_arm
+from ft_manip_ros.core.planning.collision import CollisionChecker
+from ft_manip_ros.core.planning.limits import MotionLimits, motion_limits
+from ft_manip_ros.core.planning.link_capsules import capsule_model
+from ft_manip_ros.core.planning.move_scan import no_scan
+from ft_manip_ros.core.planning.obstacles import Obstacle
 from ft_manip_ros.core.planning.roadmap import Roadmap
 
 # Walls across a unit square, each with one gap, on alternate sides: (x, gap from, gap to).
@@ -37,7 +42,7 @@ def touches(a, b):
 
 
 def labyrinth(seed=0):
-    return Roadmap(square(), touches, np.random.default_rng(seed))
+    return Roadmap(square(), touches, no_scan(), seed)
 
 
 def way_through(seed):
@@ -64,7 +69,7 @@ def test_what_is_walled_in_is_not_reached_and_work_is_bounded():
     def sealed(a, b):
         return bool((np.abs(dense(a, b)[:, 0] - 0.5) < 0.01).any())
 
-    roadmap = Roadmap(square(), sealed, np.random.default_rng(0))
+    roadmap = Roadmap(square(), sealed, no_scan(), 0)
     start, end = roadmap.add(np.array([0.1, 0.5])), roadmap.add(np.array([0.9, 0.5]))
     assert roadmap.way([start], [end], 300) is None
     # A step's last check may come on top.
@@ -96,7 +101,35 @@ def test_joints_that_turn_without_end_go_the_short_way_round():
         asked.append((a, b))
         return False
 
-    roadmap = Roadmap(turns, touches_nothing, np.random.default_rng(0))
+    roadmap = Roadmap(turns, touches_nothing, no_scan(), 0)
     start, end = roadmap.add(np.array([3.0, 0.0])), roadmap.add(np.array([-3.0, 0.0]))
     assert roadmap.way([start], [end], 100) == [start, end]
     assert all(abs(b[0] - a[0]) < 0.3 for a, b in asked)
+
+
+def test_compiled_answers_lead_the_same_way():
+    arm = load_arm('paredis_table_3')
+    wall = Obstacle('wall', 'box', (0.05, 3.0, 3.0), np.array([0.5, 0.0, 0.0]), np.eye(3))
+    checker = CollisionChecker(capsule_model(arm, 0.04, (wall,)))
+    rng = np.random.default_rng(6)
+    free = [q for q in rng.uniform(arm.lower, arm.upper, (400, arm.n)) if not checker.touches(q)]
+    healthy = np.arange(1, arm.n)
+    limits = motion_limits(arm, operating=False, jerk_time=0.1).take(healthy)
+    found = []
+    for here, there in zip(free[:12:2], free[1:12:2], strict=True):
+
+        def asked(a, b, here=here):
+            full = np.array([here, here])
+            full[:, healthy] = a, b
+            return checker.move_touches(*full)
+
+        ways = []
+        for scan in (checker.scan(here, healthy), no_scan()):
+            roadmap = Roadmap(limits, asked, scan, 0)
+            ends = [roadmap.add(q[healthy]) for q in (here, there)]
+            way = roadmap.way(ends[:1], ends[1:], 400)
+            ways.append((roadmap.checks, way and [roadmap.at(node).tolist() for node in way]))
+        assert ways[0] == ways[1]
+        found.append(ways[0][1])
+    assert any(way is None for way in found)
+    assert any(way is not None and len(way) > 2 for way in found)
