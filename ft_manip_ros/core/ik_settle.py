@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ft_manip_ros.core.chain import Array, ChainArrays
 from ft_manip_ros.core.compiled import kernel
-from ft_manip_ros.core.ik_pose import pose_error, weighted_columns
+from ft_manip_ros.core.ik_residual import pose_error, weighted_columns
 from ft_manip_ros.core.ik_types import (
     CONVERGED,
     ITERATION_LIMIT,

@@ -10,16 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ft_manip_ros.core.chain import Array, SerialChain
-from ft_manip_ros.core.planning import timing
+from ft_manip_ros.core.planning import candidates, timing
 from ft_manip_ros.core.planning.collision import CollisionChecker
 from ft_manip_ros.core.planning.finding import Finding
 from ft_manip_ros.core.planning.limits import MotionLimits, folded, travel
 from ft_manip_ros.core.planning.lines import Lines
-from ft_manip_ros.core.planning.margins import posture_margins
-from ft_manip_ros.core.planning.move_times import straight_time
 from ft_manip_ros.core.planning.moves import Moves
-from ft_manip_ros.core.planning.ordering import fastest_order, safest_order
-from ft_manip_ros.core.planning.settings import Order, PlanSettings
+from ft_manip_ros.core.planning.settings import PlanSettings
 from ft_manip_ros.core.planning.timing import Motion
 from ft_manip_ros.core.planning.way import WayFinder
 
@@ -121,9 +118,11 @@ def plan_route(
     """
     hard = limits.take(healthy)
     scaled = hard.scaled(settings.rate_scale)
-    groups = _folded_groups(findings, here, healthy, hard)
+    groups = candidates.folded_groups(findings, here, healthy, hard)
     if not lines:
-        findings, groups = _ordered(chain, findings, groups, here, healthy, scaled, settings)
+        findings, groups = candidates.ordered(
+            chain, findings, groups, here, healthy, scaled, settings
+        )
     # Among bodies, and along a line, every move begins at rest: the arm stops first. Else it
     # flows on.
     stops = checker is not None or (bool(findings) and findings[0].index in lines)
@@ -135,12 +134,12 @@ def plan_route(
             # Only that of the first goal begins where the arm stops.
             begin = np.inf if goal or halt is None else halt.duration
             return np.array([begin + move.duration for move in straight[goal].values()])
-        return _first_times(moves.group(goal), q, v, here[healthy], scaled, hard, halt)
+        return candidates.first_times(moves.group(goal), q, v, here[healthy], scaled, hard, halt)
 
     def extra(goal: int) -> Array:
         if settings.limit_weight == 0.0:
             return np.zeros(len(moves.group(goal)))
-        return settings.limit_weight * limit_closeness(moves.group(goal), scaled)
+        return settings.limit_weight * candidates.limit_closeness(moves.group(goal), scaled)
 
     def others(goal: int) -> Array:
         return folded(more(findings[goal])[:, healthy], here[healthy], hard)
@@ -183,15 +182,6 @@ def plan_route(
     return Route(timing.joined(parts), visits, cut_off, stopped)
 
 
-def _folded_groups(
-    findings: Sequence[Finding], here: Array, healthy: NDArray[np.intp], limits: MotionLimits
-) -> list[Array]:
-    """Postures of the healthy joints, (K, m), for each goal, in the turns nearest to ``here``."""
-    postures = [finding.postures.q for finding in findings]
-    together = folded(np.concatenate(postures)[:, healthy], here[healthy], limits)
-    return np.split(together, np.cumsum([len(q) for q in postures])[:-1])
-
-
 def _line_motions(
     findings: Sequence[Finding],
     lines: Lines,
@@ -210,51 +200,3 @@ def _line_motions(
                 for b, (a, line) in enumerate(lines[finding.index])
             }
     return motions
-
-
-def _first_times(
-    group: Array,
-    q: Array,
-    v: Array,
-    rest: Array,
-    limits: MotionLimits,
-    braking: MotionLimits,
-    halt: Motion | None,
-) -> Array:
-    """Time (s) from the moving state to each posture, (K, m); straight after a stop if any."""
-    if halt is None:
-        return timing.arrival_times(q, v, group, limits, braking)
-    rates = (limits.unlimited, limits.velocity, limits.acceleration, limits.jerk)
-    return np.array([halt.duration + straight_time(rest, target, *rates) for target in group])
-
-
-def _ordered(
-    chain: SerialChain,
-    findings: Sequence[Finding],
-    groups: list[Array],
-    here: Array,
-    healthy: NDArray[np.intp],
-    limits: MotionLimits,
-    settings: PlanSettings,
-) -> tuple[Sequence[Finding], list[Array]]:
-    """Goals and their postures in the order that the settings ask for."""
-    if settings.order == Order.GIVEN or len(findings) < 2:
-        return findings, groups
-    if settings.order == Order.SAFEST:
-        names = {chain.joint_names[i] for i in range(chain.n)} - {
-            chain.joint_names[i] for i in healthy
-        }
-        margins = [posture_margins(chain, finding.postures.q, names).max() for finding in findings]
-        order = safest_order(np.array(margins))
-    else:
-        rates = (limits.unlimited, limits.velocity, limits.acceleration, limits.jerk)
-        first = [min(straight_time(here[healthy], q, *rates) for q in group) for group in groups]
-        order = fastest_order(np.array(first), groups, limits)
-    return [findings[k] for k in order], [groups[k] for k in order]
-
-
-def limit_closeness(postures: Array, limits: MotionLimits) -> Array:
-    """From 0 (each joint in the middle of its range) to 1 (one at its end), shape (K,)."""
-    middle = 0.5 * (limits.lower + limits.upper)
-    off = np.abs(postures - middle) / (0.5 * (limits.upper - limits.lower))
-    return np.max(np.where(limits.unlimited, 0.0, off), axis=1, initial=0.0)
