@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 from dataclasses import replace
 
 import numpy as np
@@ -46,6 +47,8 @@ def warm_up(chain: SerialChain, settings: PlanSettings) -> None:
             start_velocity=np.where(np.arange(chain.n) == 0, 0.0, 0.1 * chain.velocity),
             settings=settings,
         )
+    # All that was loaded is looked through for garbage once, which takes 0.1 s: not after a fault.
+    gc.collect()
 
 
 def _undecided(chain: SerialChain, q: Array) -> Plan:
