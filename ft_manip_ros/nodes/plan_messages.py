@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import PoseStamped
+from geometry_msgs.msg import PoseStamped, Quaternion
 from nav_msgs.msg import Path
+from scipy.spatial.transform import Rotation
 from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker, MarkerArray
 
@@ -127,11 +128,13 @@ def tool_path(chain: SerialChain, plan: Plan, frame: str, start: int) -> Path:
     trajectory = plan.trajectory
     if trajectory is None:
         return message
-    every = max(1, len(trajectory.times) // _PATH_POINTS)
-    times = trajectory.times[::every]
-    rotations, positions = fk(chain, trajectory.positions[::every])
-    for time, rotation, position in zip(times, rotations, positions, strict=True):
-        pose = PoseStamped(pose=pose_to_message(position, rotation))
+    count = len(trajectory.times)
+    rows = np.unique(np.linspace(0, count - 1, min(count, _PATH_POINTS)).round().astype(int))
+    rotations, positions = fk(chain, trajectory.positions[rows])
+    turns = Rotation.from_matrix(rotations).as_quat(canonical=True).tolist()
+    for time, (x, y, z, w), place in zip(trajectory.times[rows], turns, positions, strict=True):
+        pose = PoseStamped(pose=pose_to_message(place))
+        pose.pose.orientation = Quaternion(x=x, y=y, z=z, w=w)
         pose.header.frame_id = frame
         pose.header.stamp = stamp(start + round(float(time) * 1e9))
         message.poses.append(pose)
