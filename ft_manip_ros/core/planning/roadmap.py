@@ -83,6 +83,8 @@ class Roadmap:
         -------
         None where none was found, which proves nothing.
         """
+        if not len(starts) or not len(ends):
+            return None
         if not self._grow_together(np.array(starts), np.array(ends), self.checks + checks):
             return None
         links = self._neighbours()

@@ -93,6 +93,13 @@ def test_any_of_several_ends_will_do():
     assert roadmap.way([start], [far, near], 4000) == [start, near]
 
 
+def test_from_nowhere_there_is_no_way():
+    roadmap = labyrinth()
+    end = roadmap.add(np.array([0.9, 0.5]))
+    assert roadmap.way([], [end], 100) is None
+    assert roadmap.way([end], [], 100) is None
+
+
 def test_joints_that_turn_without_end_go_the_short_way_round():
     turns = square(unlimited=True)
     asked = []
