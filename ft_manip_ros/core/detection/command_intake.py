@@ -32,6 +32,10 @@ class CommandIntake:
         """Commanded positions at ``t`` (s), shape (n,); NaN where unknown."""
         return self._book.at(t)
 
+    def over(self, times: Array) -> Array:
+        """Commanded positions at growing ``times`` (s), shape (K, n); NaN where unknown."""
+        return self._book.over(times)
+
     def clear(self) -> None:
         """Forget every command."""
         self._book.clear()

@@ -57,6 +57,20 @@ def _evaluate(
         out[joints[i]] = value
 
 
+@numba.njit(cache=True, nogil=True)
+def _evaluate_from(
+    start: float,
+    joints: NDArray[np.int64],
+    knots: Array,
+    coefficients: Array,
+    times: Array,
+    out: Array,
+) -> None:
+    for k in range(times.shape[0]):
+        if times[k] >= start:
+            _evaluate(joints, knots, coefficients, times[k], out[k])
+
+
 def hermite(times: Array, positions: Array, velocities: Array, accelerations: Array) -> Array:
     """Coefficients, shape (p, 6, m), through the points, as the controller interpolates.
 
@@ -128,6 +142,15 @@ class CommandBook:
         for start, spline in self._splines:
             if t >= start:
                 _evaluate(spline.joints, spline.knots, spline.coefficients, t, out)
+        return out
+
+    def over(self, times: Array) -> Array:
+        """Commanded positions at growing ``times`` (s), shape (K, n): as `at` one by one."""
+        if self._pending and self._pending[0][0] <= times[-1]:
+            return np.array([self.at(t).copy() for t in times.tolist()])
+        out = np.tile(self.values, (len(times), 1))
+        for start, spline in self._splines:
+            _evaluate_from(start, spline.joints, spline.knots, spline.coefficients, times, out)
         return out
 
     def reference(self, stamp: float, joints: NDArray[np.int64], positions: Array) -> None:

@@ -157,7 +157,7 @@ class FaultMonitor:
         edges: list[Edge] = []
         for start in range(0, count, step):
             rows = slice(start, start + step)
-            commands = np.array([self._intake.at(t).copy() for t in times[rows]])
+            commands = self._intake.over(times[rows])
             edges += self._advance(
                 times[rows], values[:, rows], present[rows], commands, stamps[rows].tolist()
             )

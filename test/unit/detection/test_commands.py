@@ -84,6 +84,28 @@ def test_no_points_mean_hold_and_references_take_over():
     np.testing.assert_allclose(book.at(8.0), [3.0, 1.0])
 
 
+@pytest.mark.parametrize('referenced', [False, True])
+def test_many_times_at_once_are_as_one_by_one(referenced):
+    """Three trajectories, one of a single joint, and perhaps set points in between."""
+
+    def made():
+        book = CommandBook(2)
+        trajectory(book, 0.5, [1.0, 2.0], [[1.0, 2.0], [0.0, 1.0]])
+        trajectory(book, 2.0, [1.0], [[-1.0]], joints=np.array([1]))
+        if referenced:
+            book.reference(2.5, np.array([0]), np.array([3.0]))
+        else:
+            trajectory(book, 2.6, [1.0], [[5.0, 5.0]])
+        return book
+
+    times = np.sort(np.random.default_rng(7).uniform(0.0, 5.0, 60))
+    book = made()
+    expected = np.array([book.at(t).copy() for t in times])
+    assert np.isnan(expected[0, 1])
+    assert np.isfinite(expected[-1]).all()
+    np.testing.assert_array_equal(made().over(times), expected)
+
+
 def test_coefficients_of_one_piece():
     rest = np.zeros((2, 1))
     (piece,) = hermite(np.array([0.0, 2.0]), np.array([[0.0], [1.0]]), rest, rest)
