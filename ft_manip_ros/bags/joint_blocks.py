@@ -116,16 +116,17 @@ def joint_runs(
     """
     layouts: dict[str, JointLayout] = {}
     run: list[BagMessage] = []
+    topic, size = '', 0
     for record in bag.messages(wanted, start=start, end=end):
-        if run and not (
-            record.topic == run[0].topic
-            and len(record.data) == len(run[0].data)
-            and len(run) < _LARGEST
-        ):
+        if run:
+            if record.topic == topic and len(record.data) == size and len(run) < _LARGEST:
+                run.append(record)
+                continue
             yield from _decoded(layouts, run)
             run = []
         if record.topic in blocks and _learn(bag, layouts, record):
             run.append(record)
+            topic, size = record.topic, len(record.data)
         else:
             yield [record], None
     if run:

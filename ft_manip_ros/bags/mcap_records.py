@@ -21,7 +21,8 @@ LARGEST_CHUNK = 1 << 28
 COMPRESSIONS = ('', 'zstd', 'lz4')
 
 _MESSAGE_HEAD = struct.Struct('<HIQQ')
-_RECORD_HEAD = struct.Struct('<BQ')
+RECORD_HEAD = struct.Struct('<BQ')
+_MESSAGE_RECORD = struct.Struct('<BQHIQQ')  # the two, one behind the other
 _CHUNK_HEAD = struct.Struct('<QQQI')
 
 
@@ -128,26 +129,12 @@ def parse_attachment(body: bytes) -> tuple[str, str, bytes]:
     return name, media_type, content
 
 
-def message_head(body: bytes) -> tuple[int, int]:
-    """Channel id and log time (ns) of a message record."""
-    if len(body) < _MESSAGE_HEAD.size:
-        raise RecordError('a message record is too short')
-    channel, _, log_time, _ = _MESSAGE_HEAD.unpack_from(body)
-    return channel, log_time
-
-
 def parse_message(body: bytes) -> RecordedMessage:
     """Parse a message record."""
     if len(body) < _MESSAGE_HEAD.size:
         raise RecordError('a message record is too short')
     channel, _, log_time, publish_time = _MESSAGE_HEAD.unpack_from(body)
     return RecordedMessage(channel, log_time, publish_time, body[_MESSAGE_HEAD.size :])
-
-
-def chunk_times(body: bytes) -> tuple[int, int]:
-    """First and last log time (ns) that a chunk claims."""
-    start, end, _, _ = _CHUNK_HEAD.unpack_from(body)
-    return start, end
 
 
 def check_chunk_head(body: bytes) -> None:
@@ -191,15 +178,37 @@ def _decompress(compression: str, packed: bytes, size: int) -> bytes:
     raise RecordError(f'a chunk uses compression {compression!r}; known are zstd, lz4 and none')
 
 
-def split_records(data: bytes) -> Iterator[tuple[int, bytes]]:
-    """Yield (opcode, body) of the records inside a chunk."""
+def record_places(data: bytes) -> Iterator[tuple[int, int, int, int, int, int]]:
+    """Yield where the records inside a chunk lie, with the heads of its messages.
+
+    A minute of joint states has 60,000 records: nothing is cut out or wrapped here.
+
+    Yields
+    ------
+    opcode, begin, end
+        What the bytes ``data[begin:end]`` are; of a message, those behind its head.
+    channel_id, log_time, publish_time
+        Of a message; else zeros.
+    """
     at, size = 0, len(data)
+    long_enough = size - _MESSAGE_RECORD.size
+    message_record, record_head = _MESSAGE_RECORD.unpack_from, RECORD_HEAD.unpack_from
+    message_head = _MESSAGE_HEAD.size
     while at < size:
-        if at + _RECORD_HEAD.size > size:
+        if at <= long_enough:
+            opcode, length, channel, _, log_time, publish_time = message_record(data, at)
+        elif at + RECORD_HEAD.size <= size:
+            opcode, length = record_head(data, at)
+        else:
             raise RecordError('a record inside a chunk is cut short')
-        opcode, length = _RECORD_HEAD.unpack_from(data, at)
-        at += _RECORD_HEAD.size
-        if length > size - at:
+        at += RECORD_HEAD.size
+        end = at + length
+        if end > size:
             raise RecordError(f'a record inside a chunk claims {length} of {size - at} bytes')
-        yield opcode, data[at : at + length]
-        at += length
+        if opcode != MESSAGE:
+            yield opcode, at, end, 0, 0, 0
+        elif length < message_head:
+            raise RecordError('a message record is too short')
+        else:
+            yield opcode, at + message_head, end, channel, log_time, publish_time
+        at = end

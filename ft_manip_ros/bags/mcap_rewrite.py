@@ -26,10 +26,10 @@ def copy_readable(scan: McapScan, target: McapFile) -> int:
         qos = channel.metadata.get('offered_qos_profiles', '')
         target.add_channel(str(channel.id), channel.topic, definition, qos)
     copied = 0
-    for message in scan.messages():
-        target.add_message(
-            str(message.channel_id), message.data, message.log_time, message.publish_time
-        )
+    # Not by topic: several publishers of one topic have channels of their own.
+    keys = {channel.id: (channel.topic, str(channel.id)) for channel in scan.channels.values()}
+    for _, key, log_time, publish_time, data in scan.messages_of(keys):
+        target.add_message(key, data, log_time, publish_time)
         copied += 1
     return copied
 

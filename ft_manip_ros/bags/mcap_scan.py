@@ -2,24 +2,21 @@
 
 from __future__ import annotations
 
-import re
-import struct
 from bisect import bisect_left
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
+from operator import itemgetter
 from pathlib import Path
 from typing import BinaryIO
 
 from ft_manip_ros.bags import mcap_records as mr
 from ft_manip_ros.bags.mcap_records import Channel, RecordedMessage, RecordError, Schema
-from ft_manip_ros.bags.source import Damage
+from ft_manip_ros.bags.mcap_resync import begins_record, next_chunk
+from ft_manip_ros.bags.source import BagMessage, Damage
 from ft_manip_ros.core.errors import InputError
 
-_HEAD = struct.Struct('<BQ')
-# A chunk's opcode and the eight bytes of a length below 4 GiB.
-_CHUNK_START = re.compile(rb'\x06[\x00-\xff]{4}\x00{4}')
-_RESYNC_BLOCK = 1 << 24
+_TIME, _TIME_AND_TOPIC = itemgetter(2), itemgetter(2, 0)  # of a BagMessage
 
 
 @dataclass(frozen=True)
@@ -78,50 +75,63 @@ class McapScan:
         except OSError as error:
             raise InputError(f'bag file {path}', f'cannot be read: {error.strerror}') from None
 
-    def messages(self, wanted: Collection[str] | None = None) -> Iterator[RecordedMessage]:
-        """Yield the readable messages by log time, then topic, then place in the file.
+    def type_name(self, schema_id: int) -> str:
+        """Name of a schema's type; empty if there is no such schema."""
+        schema = self.schemas.get(schema_id)
+        return schema.name if schema else ''
+
+    def messages(self, wanted: Collection[str] | None = None) -> Iterator[BagMessage]:
+        """Give the readable messages by log time, then topic, then place in the file.
 
         Parameters
         ----------
         wanted
             Only of these topics; of all if None.
         """
-        topics = {
-            channel.id: channel.topic
+        names = {
+            channel.id: (channel.topic, self.type_name(channel.schema_id))
             for channel in self.channels.values()
             if wanted is None or channel.topic in wanted
         }
-        # Sorted; the third entry keeps the order in the file.
-        held: list[tuple[int, str, int, RecordedMessage]] = [
-            (message.log_time, topics[message.channel_id], order, message)
-            for order, message in enumerate(self._loose)
-            if message.channel_id in topics
+        return self.messages_of(names)
+
+    def messages_of(self, names: Mapping[int, tuple[str, str]]) -> Iterator[BagMessage]:
+        """As `messages`, of these channels, with ``names`` for topic and type of each."""
+        held = [
+            BagMessage(*names[channel], log_time, publish_time, data)
+            for channel, log_time, publish_time, data in self._loose
+            if channel in names
         ]
-        held.sort()
-        order = len(self._loose)
+        # Sorting keeps the order in the file of what is equal.
+        held.sort(key=_TIME_AND_TOPIC)
         with self.path.open('rb') as file:
             for chunk in sorted(self._chunks, key=lambda c: (c.start, c.offset)):
-                before = bisect_left(held, (chunk.start,))
-                yield from [entry[3] for entry in held[:before]]
+                before = bisect_left(held, chunk.start, key=_TIME)
+                yield from held[:before]
                 del held[:before]
                 file.seek(chunk.offset)
-                for message in self._chunk_messages(file.read(chunk.length), chunk.count, topics):
-                    held.append((message.log_time, topics[message.channel_id], order, message))
-                    order += 1
-                held.sort()
-        yield from [entry[3] for entry in held]
+                held += self._chunk_messages(file.read(chunk.length), chunk.count, names)
+                held.sort(key=_TIME_AND_TOPIC)
+        yield from held
 
     def _chunk_messages(
-        self, body: bytes, count: int, topics: Mapping[int, str]
-    ) -> Iterator[RecordedMessage]:
+        self, body: bytes, count: int, names: Mapping[int, tuple[str, str]]
+    ) -> list[BagMessage]:
         """Those of the first ``count`` messages of a chunk (what opening it found usable)."""
-        for opcode, record in mr.split_records(mr.chunk_records(body)):
+        records = mr.chunk_records(body)
+        found = []
+        for opcode, begin, end, channel, log_time, publish_time in mr.record_places(records):
+            if opcode != mr.MESSAGE:
+                continue
+            if channel in names:
+                topic, type_name = names[channel]
+                found.append(
+                    BagMessage(topic, type_name, log_time, publish_time, records[begin:end])
+                )
+            count -= 1
             if count == 0:
-                return
-            if opcode == mr.MESSAGE:
-                count -= 1
-                if record[0] | record[1] << 8 in topics:
-                    yield mr.parse_message(record)
+                break
+        return found
 
     def _scan(self, file: BinaryIO) -> None:
         mark = file.read(len(mr.MAGIC))
@@ -134,21 +144,21 @@ class McapScan:
         at = len(mr.MAGIC)
         while at < self._size:
             file.seek(at)
-            head = file.read(_HEAD.size)
-            if len(head) < _HEAD.size:
+            head = file.read(mr.RECORD_HEAD.size)
+            if len(head) < mr.RECORD_HEAD.size:
                 self._note(at, 'the file ends inside a record head')
                 return
-            opcode, length = _HEAD.unpack(head)
-            body_at = at + _HEAD.size
+            opcode, length = mr.RECORD_HEAD.unpack(head)
+            body_at = at + mr.RECORD_HEAD.size
             if opcode == mr.DATA_END:
                 self._check_end(file, at)
                 return
             if not 0 < opcode < 0x80 or length > self._size - body_at:
                 self._note(at, 'the file ends inside a record, or the record is damaged')
-                at = self._resync(file, at + 1)
+                at = next_chunk(file, at + 1, self._size)
                 continue
             if not self._record(file, opcode, at, length):
-                at = self._resync(file, at + 1)
+                at = next_chunk(file, at + 1, self._size)
                 continue
             at = body_at + length
         self._note(self._size, 'the file was not closed: its index is missing')
@@ -158,8 +168,10 @@ class McapScan:
         try:
             if opcode == mr.CHUNK:
                 self._chunk(file.read(length), at)
-            elif opcode in (mr.SCHEMA, mr.CHANNEL, mr.MESSAGE):
-                self._take(opcode, file.read(length))
+            elif opcode in (mr.SCHEMA, mr.CHANNEL):
+                self._define(opcode, file.read(length))
+            elif opcode == mr.MESSAGE:
+                self._message(file.read(length))
             elif opcode == mr.METADATA:
                 name, values = mr.parse_metadata(file.read(length))
                 self.metadata.setdefault(name, {}).update(values)
@@ -168,33 +180,32 @@ class McapScan:
                 self.attachments[name] = (media_type, content)
         except RecordError as error:
             self._note(at, str(error))
-            following = at + _HEAD.size + length
-            return following == self._size or self._plausible(file, following)
+            following = at + mr.RECORD_HEAD.size + length
+            return following == self._size or begins_record(file, following, self._size)
         return True
-
-    def _plausible(self, file: BinaryIO, at: int) -> bool:
-        """True if a record can begin at this offset."""
-        file.seek(at)
-        head = file.read(_HEAD.size)
-        if len(head) < _HEAD.size:
-            return False
-        opcode, length = _HEAD.unpack(head)
-        return 0 < opcode <= mr.LAST_OPCODE and length <= self._size - at - _HEAD.size
 
     def _chunk(self, body: bytes, at: int) -> None:
         records = mr.chunk_records(body)
-        times = []
+        channels, times = self.channels, []
+        counts: dict[int, int] = {}
         try:
-            for opcode, record in mr.split_records(records):
-                log_time = self._take(opcode, record, keep=False)
-                if log_time is not None:
-                    times.append(log_time)
+            for opcode, begin, end, channel, log_time, _ in mr.record_places(records):
+                if opcode != mr.MESSAGE:
+                    self._define(opcode, records[begin:end])
+                    continue
+                if channel not in channels:
+                    raise _unknown(channel)
+                counts[channel] = counts.get(channel, 0) + 1
+                times.append(log_time)
         finally:
             if times:
-                self._chunks.append(_Chunk(at + _HEAD.size, len(body), min(times), len(times)))
+                self._chunks.append(
+                    _Chunk(at + mr.RECORD_HEAD.size, len(body), min(times), len(times))
+                )
+                self._count(counts, min(times), max(times))
 
-    def _take(self, opcode: int, record: bytes, *, keep: bool = True) -> int | None:
-        """Take in a schema, channel or message; return the log time of a usable message."""
+    def _define(self, opcode: int, record: bytes) -> None:
+        """Take in a schema or channel."""
         if opcode == mr.SCHEMA:
             schema = mr.parse_schema(record)
             if self.schemas.setdefault(schema.id, schema) != schema:
@@ -203,46 +214,19 @@ class McapScan:
             channel = mr.parse_channel(record)
             if self.channels.setdefault(channel.id, channel) != channel:
                 raise RecordError(f'channel {channel.id} ({channel.topic}) comes twice, differing')
-        elif opcode == mr.MESSAGE:
-            channel_id, log_time = mr.message_head(record)
-            if channel_id not in self.channels:
-                raise RecordError(f'a message names the unknown channel {channel_id}')
-            first = not self.counts
-            self.counts[channel_id] += 1
-            self.start = log_time if first or log_time < self.start else self.start
-            self.end = max(self.end, log_time)
-            if keep:
-                self._loose.append(mr.parse_message(record))
-            return log_time
-        return None
 
-    def _resync(self, file: BinaryIO, at: int) -> int:
-        """Offset of the next chunk that verifies, or the file's size."""
-        while at < self._size:
-            file.seek(at)
-            block = file.read(_RESYNC_BLOCK)
-            for match in _CHUNK_START.finditer(block):
-                start = at + match.start()
-                if self._is_whole_chunk(file, start):
-                    return start
-            if len(block) < _HEAD.size:
-                break
-            at += max(len(block) - _HEAD.size + 1, 1)
-        return self._size
+    def _message(self, record: bytes) -> None:
+        """Take in a message outside the chunks."""
+        message = mr.parse_message(record)
+        if message.channel_id not in self.channels:
+            raise _unknown(message.channel_id)
+        self._loose.append(message)
+        self._count({message.channel_id: 1}, message.log_time, message.log_time)
 
-    def _is_whole_chunk(self, file: BinaryIO, at: int) -> bool:
-        file.seek(at)
-        _, length = _HEAD.unpack(file.read(_HEAD.size))
-        if length > self._size - at - _HEAD.size:
-            return False
-        try:
-            # Cheap refusals first: damage must not cost a decompression per byte.
-            mr.check_chunk_head(file.read(min(length, 64)))
-            file.seek(at + _HEAD.size)
-            mr.chunk_records(file.read(length))
-        except RecordError:
-            return False
-        return True
+    def _count(self, counts: Mapping[int, int], first: int, last: int) -> None:
+        self.start = min(self.start, first) if self.counts else first
+        self.end = max(self.end, last)
+        self.counts.update(counts)
 
     def _check_end(self, file: BinaryIO, at: int) -> None:
         file.seek(max(self._size - len(mr.MAGIC), 0))
@@ -252,3 +236,7 @@ class McapScan:
 
     def _note(self, offset: int, problem: str) -> None:
         self.damage.append(Damage(self.path.name, offset, problem))
+
+
+def _unknown(channel_id: int) -> RecordError:
+    return RecordError(f'a message names the unknown channel {channel_id}')

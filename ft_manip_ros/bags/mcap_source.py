@@ -20,14 +20,6 @@ class McapSource:
         self.finished = self._scan.finished
         self.start, self.end = self._scan.start, self._scan.end
         self.metadata, self.attachments = self._scan.metadata, self._scan.attachments
-        self._names = {
-            channel.id: (channel.topic, self._type_name(channel.schema_id))
-            for channel in self._scan.channels.values()
-        }
-
-    def _type_name(self, schema_id: int) -> str:
-        schema = self._scan.schemas.get(schema_id)
-        return schema.name if schema else ''
 
     def topics(self) -> dict[str, TopicInfo]:
         """Topics by name; a topic of several types keeps its first."""
@@ -36,7 +28,7 @@ class McapSource:
             info = found.setdefault(
                 channel.topic,
                 TopicInfo(
-                    self._type_name(channel.schema_id),
+                    self._scan.type_name(channel.schema_id),
                     channel.metadata.get('topic_type_hash', ''),
                     0,
                     load_profiles(channel.metadata.get('offered_qos_profiles', '')),
@@ -55,8 +47,4 @@ class McapSource:
 
     def messages(self, wanted: Collection[str] | None = None) -> Iterator[BagMessage]:
         """Readable messages of these topics (None: all) by log time, then topic."""
-        for message in self._scan.messages(wanted):
-            topic, type_name = self._names[message.channel_id]
-            yield BagMessage(
-                topic, type_name, message.log_time, message.publish_time, message.data
-            )
+        return self._scan.messages(wanted)
