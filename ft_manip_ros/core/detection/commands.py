@@ -14,6 +14,7 @@ from ft_manip_ros.core.errors import InputError
 Array = NDArray[np.float64]
 _DEGREE = 5
 _INSTANT = 1e-6  # s, a step
+_LEAST_GROWTH = 0.5e-9  # s between points: messages count whole nanoseconds
 
 # Time from start (s), positions, velocities, accelerations; the latter two may be empty.
 TrajectoryPoint = tuple[float, Sequence[float], Sequence[float], Sequence[float]]
@@ -245,7 +246,7 @@ def point_table(
     Raises
     ------
     InputError
-        For wrong lengths, numbers that are not finite, or times that do not grow.
+        For wrong lengths, numbers that are not finite, or times that do not grow by a nanosecond.
     """
     times = np.array([point[0] for point in points], dtype=float)
     tables = []
@@ -264,8 +265,11 @@ def point_table(
                 raise InputError(f'{field_name}.points[{k}].{key}', 'contains NaN or infinity')
             rows.append(row)
         tables.append(np.array(rows, dtype=float).reshape(len(points), m))
-    if not np.isfinite(times).all() or (times < 0.0).any() or (np.diff(times) <= 0.0).any():
+    # A start that is all but zero would make a piece of no length before it.
+    gaps = np.diff(np.concatenate(([0.0], times)) if times.size and times[0] > 0.0 else times)
+    if not np.isfinite(times).all() or (times < 0.0).any() or (gaps < _LEAST_GROWTH).any():
         raise InputError(
-            f'{field_name}.points', 'have times from start that are negative or do not grow'
+            f'{field_name}.points',
+            'have times from start that are negative or do not grow by a nanosecond each',
         )
     return times, tables[0], tables[1], tables[2]

@@ -121,11 +121,23 @@ def test_coefficients_of_one_piece():
         ([(1.0, [0, 0], [], []), (1.0, [1, 1], [], [])], 'do not grow'),
         ([(-1.0, [0, 0], [], [])], 'negative'),
         ([(math.nan, [0, 0], [], [])], 'negative or do not grow'),
+        # Times that differ in name only: a piece of no length has no speed.
+        ([(0.0, [0, 0], [], []), (1e-160, [1, 1], [], [])], 'do not grow by a nanosecond'),
+        ([(5e-324, [0, 0], [], [])], 'do not grow by a nanosecond'),
     ],
 )
 def test_malformed_trajectories_name_the_point(points, complaint):
     with pytest.raises(InputError, match=complaint):
         point_table('trajectory', points, 2)
+
+
+@pytest.mark.filterwarnings('error')
+def test_points_a_nanosecond_apart_are_a_step():
+    points = [(3.0 + k * 1e-9, [float(k)] * 2, [0, 0], [0, 0]) for k in (0, 1)]
+    book = CommandBook(2)
+    book.trajectory(5.0, ALL, *point_table('trajectory', points, 2), np.zeros(2))
+    np.testing.assert_allclose(book.at(7.999), [0.0, 0.0], atol=1e-12)
+    np.testing.assert_allclose(book.at(9.0), [1.0, 1.0])
 
 
 def test_a_trajectory_without_stamp_starts_on_the_clock_of_the_samples():
