@@ -21,13 +21,15 @@ class Case:
         (joint, time in s from the start of the motion) of the failures.
     slow
         Joint that becomes sluggish, when, and how late (s) it is in the end.
+    stuck
+        Joint whose encoder sticks, and when.
     corrupt
         (kind, joint, time) of a fault that the simulated arm has no service for: the driver
         between arm and topic makes it (`story.Driver`).
     manual
         Joint that an operator declares frozen and later clears.
-    sim
-        Parameters of `arm_sim`.
+    sim, monitor
+        Parameters of `arm_sim` and `fault_monitor`.
     query
         Points (m) that the workspace node is asked about beside the task's.
     truncate
@@ -42,9 +44,11 @@ class Case:
     task: str = 'paredis_eq_11'
     locks: tuple[tuple[str, float], ...] = ()
     slow: tuple[str, float, float] | None = None
+    stuck: tuple[str, float] | None = None
     corrupt: tuple[str, str, float] | None = None
     manual: str = ''
     sim: Mapping[str, Any] = field(default_factory=dict)
+    monitor: Mapping[str, Any] = field(default_factory=dict)
     query: tuple[tuple[float, float, float], ...] = ()
     truncate: str | None = None
     seed: int = 1
@@ -104,6 +108,16 @@ _ALL = (
         task='rounds',
         slow=('joint_2', 6.0, 0.25),
         seed=13,
+    ),
+    Case(
+        'stuck_encoder',
+        "One joint's encoder sticks while the joint moves on; a tracker sees the tool move: "
+        'SENSOR, never LOCKED.',
+        task='rounds',
+        stuck=('joint_2', 6.0),
+        sim={'tool_pose_rate': 50.0},
+        monitor={'tool_pose_topic': 'tool_pose'},
+        seed=14,
     ),
     Case(
         'manual_freeze',

@@ -38,6 +38,7 @@ _SPELL = 1.0  # s, that a corruption lasts
 _DRIFT = 0.6  # rad/s, of a joint that runs away
 _LATE = 0.1  # s, by which a sluggish joint is behind at last
 _FALLING = 0.1  # s behind per second, until then
+_WORKS_ON = 4.0  # s, recorded after an encoder stuck
 _SETTLING = 1.5  # s, recorded after the last motion: longer than missed goals are waited for
 
 
@@ -117,7 +118,7 @@ def record(case: Case, bag: Path, logs: Path) -> None:
             # Logs and diagnostics tell of this machine's folders, and nothing that is replayed.
             'topics': [name for name in TOPICS if name not in ('/rosout', topics.DIAGNOSTICS)],
         },
-        'fault_monitor': arm,
+        'fault_monitor': {**arm, **case.monitor},
         'replanner': arm,
         'workspace': arm,
         'arm_sim': {**arm, 'start': start.tolist(), 'seed': case.seed, **case.sim},
@@ -183,6 +184,11 @@ def _tell(
         request = InjectFault.Request(joint=joint, kind=InjectFault.Request.SLUGGISH, lag=lag)
         request.delay = max(began * 1e-9 + moment - observer.now() * 1e-9, 0.0)
         observer.call(InjectFault, topics.INJECT_FAULT, request, timeout=5.0)
+    if case.stuck:
+        joint, moment = case.stuck
+        request = InjectFault.Request(joint=joint, kind=InjectFault.Request.STUCK_ENCODER)
+        request.delay = max(began * 1e-9 + moment - observer.now() * 1e-9, 0.0)
+        observer.call(InjectFault, topics.INJECT_FAULT, request, timeout=5.0)
     if case.manual:
         observer.until(lambda: observer.now() > began + _SECOND, 5.0, 'the motion')
         freeze = FreezeJoint.Request(joint=case.manual, at_measured=True, reason='brake set')
@@ -200,6 +206,10 @@ def _finished(observer: Observer, case: Case) -> bool:
     plans = [message for _, message in observer.plans]
     if len({len(plan.frozen_joints) for plan in plans}) < len(case.locks):
         return False
+    if case.stuck:
+        # The arm works on; before it misses the goals that its encoder denies.
+        begun = nanoseconds(observer.trajectories[0][1].header.stamp)
+        return observer.now() > begun + _SECOND * (case.stuck[1] + _WORKS_ON)
     _, last = observer.trajectories[-1]
     end = nanoseconds(last.header.stamp) + _SECOND * (
         seconds(last.points[-1].time_from_start) + _SETTLING

@@ -12,6 +12,7 @@ from ft_manip_ros.core.errors import InputError
 
 JOINT_STATE = 'sensor_msgs/msg/JointState'
 TRAJECTORY = 'trajectory_msgs/msg/JointTrajectory'
+POSE = 'geometry_msgs/msg/PoseStamped'
 CONTROLLER_STATE = 'control_msgs/msg/JointTrajectoryControllerState'
 _SECOND = 1_000_000_000
 
@@ -50,6 +51,7 @@ def feed_bag(
     topics: Iterable[str],
     *,
     reference: str | None = None,
+    tool: str | None = None,
     on_sample: Callable[[int], None] | None = None,
 ) -> tuple[list[Edge], list[str]]:
     """Feed a bag in the order of its log times.
@@ -60,6 +62,8 @@ def feed_bag(
         Topics with joint states.
     reference
         A JointState topic with commanded positions.
+    tool
+        A PoseStamped topic with poses of the tool in the frame of the arm's base.
     on_sample
         Called with its stamp (ns) after each joint state.
 
@@ -75,12 +79,18 @@ def feed_bag(
     for name, info in bag.topics.items():
         if info.type_name in (TRAJECTORY, CONTROLLER_STATE):
             kinds[name] = info.type_name
-    if reference is not None:
-        if reference not in bag.topics:
+    for what, topic, kind in (('reference', reference, JOINT_STATE), ('tool', tool, POSE)):
+        if topic is None:
+            continue
+        if topic not in bag.topics:
             raise InputError(
-                'reference topic', f'{reference!r} is none of {", ".join(sorted(bag.topics))}'
+                f'{what} topic', f'{topic!r} is none of {", ".join(sorted(bag.topics))}'
             )
-        kinds[reference] = JOINT_STATE
+        if bag.topics[topic].type_name != kind:
+            raise InputError(
+                f'{what} topic', f'{topic!r} is {bag.topics[topic].type_name}; {kind} is needed'
+            )
+        kinds[topic] = kind
     edges: list[Edge] = []
     problems: list[str] = []
     for message in bag.messages(set(kinds)):
@@ -92,6 +102,14 @@ def feed_bag(
                     on_sample(_stamp(content.header) or message.log_time)
             elif kinds[message.topic] == TRAJECTORY:
                 _trajectory(feed, content, message.log_time)
+            elif kinds[message.topic] == POSE:
+                place = content.pose.position
+                feed.tool_pose(
+                    _stamp(content.header),
+                    message.log_time,
+                    content.header.frame_id,
+                    (place.x, place.y, place.z),
+                )
             elif kinds[message.topic] == CONTROLLER_STATE:
                 wanted = getattr(content, 'reference', None) or content.desired
                 feed.reference(

@@ -34,8 +34,11 @@ class FaultReplay:
         chain = setup.chain(NODE)
         settings = MonitorSettings(**{k: v for k, v in parameters.items() if k in SETTINGS})
         exempt = parameters.get('exempt') or []
-        self._monitor = FaultMonitor(chain.joints, settings, exempt=exempt)
-        self._feed = MonitorFeed(self._monitor)
+        tool = str(parameters.get('tool_pose_topic') or '')
+        self._monitor = FaultMonitor(
+            chain.joints, settings, exempt=exempt, chain=chain if tool else None
+        )
+        self._feed = MonitorFeed(self._monitor, str(parameters.get('frame') or 'base_link'))
         self._stamp = 0
         self._seen_sample = False
         self.recorded: list[Finding] = []
@@ -53,6 +56,7 @@ class FaultReplay:
             ('replanner/task_plan', 'ft_manip_interfaces/msg/RecoveryPlan', self._on_plan),
             ('recovery_plan', 'ft_manip_interfaces/msg/RecoveryPlan', self._on_plan),
             (reference, 'sensor_msgs/msg/JointState', self._on_reference),
+            (tool, 'geometry_msgs/msg/PoseStamped', self._on_tool_pose),
             ('fault_state', 'ft_manip_interfaces/msg/FaultState', self._on_state),
             ('fault_events', 'ft_manip_interfaces/msg/JointFault', self._on_recorded),
             (
@@ -120,6 +124,15 @@ class FaultReplay:
     def _on_reference(self, record: BagMessage, message: Any) -> None:
         self._feed.reference(
             nanoseconds(message.header.stamp), record.log_time, message.name, message.position
+        )
+
+    def _on_tool_pose(self, record: BagMessage, message: Any) -> None:
+        place = message.pose.position
+        self._feed.tool_pose(
+            nanoseconds(message.header.stamp),
+            record.log_time,
+            message.header.frame_id,
+            (place.x, place.y, place.z),
         )
 
     def _on_state(self, record: BagMessage, message: Any) -> None:

@@ -14,7 +14,7 @@ from ft_manip_ros.core.chain import SerialChain
 from ft_manip_ros.core.detection.feed import MonitorFeed
 from ft_manip_ros.core.detection.monitor import FaultMonitor
 from ft_manip_ros.core.detection.offline import Trace, detect, watched_joints
-from ft_manip_ros.core.detection.recording import read_csv
+from ft_manip_ros.core.detection.recording_csv import read_csv
 from ft_manip_ros.core.detection.settings import MonitorSettings
 from ft_manip_ros.core.detection.states import Edge, JointState
 from ft_manip_ros.core.errors import InputError
@@ -29,7 +29,8 @@ def add_parser(subparsers: Any) -> None:
         help='run the fault monitor over recorded joint data',
         description='Run the same state machine as the node fault_monitor over a bag or a CSV '
         '(columns: time in s, position.NAME and, where known, velocity.NAME, effort.NAME, '
-        'command.NAME; empty cells mean "not in this sample"), and print each change of state.',
+        'command.NAME, tool.x, tool.y, tool.z; empty cells mean "not in this sample"), and print '
+        'each change of state.',
     )
     parser.add_argument('source', nargs='?', help='CSV file, rosbag2 folder, .mcap or .db3')
     parser.add_argument('--arm', help='arm file, its name in config/arms, or a URDF')
@@ -38,6 +39,9 @@ def add_parser(subparsers: Any) -> None:
     parser.add_argument('--exempt', nargs='+', default=[], metavar='JOINT', help='never LOCKED')
     parser.add_argument('--sensitivity', type=float, default=1.0, help='2: twice the evidence')
     parser.add_argument('--reference', metavar='TOPIC', help='JointState topic with commands')
+    parser.add_argument(
+        '--tool', metavar='TOPIC', help='PoseStamped topic with poses of the tool; needs --arm'
+    )
     parser.add_argument('--json', action='store_true', help='one JSON object a line and edge')
     parser.add_argument('--plot', metavar='OUT.png', help='draw signal, command and evidence')
     parser.add_argument(
@@ -95,13 +99,21 @@ def _detect_bag(
     topics = joint_state_topics(bag)
     found = joint_names(bag, topics)
     names, joints = _watched(found, chain)
-    monitor = FaultMonitor(joints, settings, exempt=[n for n in args.exempt if n in names])
+    if args.tool and chain is None:
+        raise InputError('--tool', 'needs the arm (--arm) whose tool it is')
+    monitor = FaultMonitor(
+        joints,
+        settings,
+        exempt=[n for n in args.exempt if n in names],
+        chain=chain if args.tool else None,
+    )
     trace = Trace.empty(names) if args.plot else None
     edges, problems = feed_bag(
         bag,
-        MonitorFeed(monitor),
+        MonitorFeed(monitor, None),
         topics,
         reference=args.reference,
+        tool=args.tool,
         on_sample=None if trace is None else lambda stamp: trace.note(monitor, stamp),
     )
     for problem in [*bag.notes, *problems]:

@@ -113,8 +113,12 @@ class SimulatedArm:
         self._steps = 0
         self._path = JointPath(chain.joint_names, np.zeros(1), self.position[None, :])
         self._path_start = time
-        # (time, number of the request, joint, whether it locks, how late it is then)
-        self._events: list[tuple[float, int, int, bool, float]] = []
+        # Joints whose encoder repeats what it last read, and that reading.
+        self._stuck = np.zeros(chain.n, dtype=bool)
+        self._held = self.position.copy()
+        # (time, number of the request, joint, whether it locks, how late it is, whether its
+        # encoder sticks)
+        self._events: list[tuple[float, int, int, bool, float, bool]] = []
         self._requests = 0
 
     @property
@@ -165,7 +169,7 @@ class SimulatedArm:
         self._schedule(joint, time, True, 0.0)
 
     def release(self, joint: str, time: float) -> None:
-        """Let a joint work again from ``time`` on."""
+        """Let a joint, and its encoder, work again from ``time`` on."""
         self._schedule(joint, time, False, 0.0)
 
     def slow(self, joint: str, time: float, lag: float) -> None:
@@ -180,12 +184,18 @@ class SimulatedArm:
             raise InputError('lag', f'is {lag}; must be above 0 and at most {MOST_LATE:g} s')
         self._schedule(joint, time, False, lag)
 
-    def _schedule(self, joint: str, time: float, lock: bool, lag: float) -> None:
+    def stick(self, joint: str, time: float) -> None:
+        """Let a joint's encoder repeat its reading from ``time`` on; the joint itself works."""
+        self._schedule(joint, time, False, 0.0, stuck=True)
+
+    def _schedule(
+        self, joint: str, time: float, lock: bool, lag: float, stuck: bool = False
+    ) -> None:
         index = self.chain.index(joint)
         if not math.isfinite(time):
             raise InputError(f'fault of {joint}: time', f'is {time}; must be finite')
         self._requests += 1
-        heapq.heappush(self._events, (time, self._requests, index, lock, lag))
+        heapq.heappush(self._events, (time, self._requests, index, lock, lag, stuck))
         self._apply_events()
 
     def advance(self, time: float) -> None:
@@ -200,10 +210,14 @@ class SimulatedArm:
         """Read all encoders once: positions and velocities, each shape (n,), with noise."""
         n, settings = self.chain.n, self.settings
         position = self.position + settings.noise * self._rng.standard_normal(n)
-        if settings.resolution > 0.0:
-            position = np.round(position / settings.resolution) * settings.resolution
+        position = np.where(self._stuck, self._held, self._rounded(position))
         velocity = self.velocity + settings.velocity_noise * self._rng.standard_normal(n)
-        return position, velocity
+        # The driver has its velocity from the same encoder.
+        return position, np.where(self._stuck, 0.0, velocity)
+
+    def _rounded(self, position: Array) -> Array:
+        step = self.settings.resolution
+        return np.round(position / step) * step if step > 0.0 else position
 
     def _step(self) -> None:
         command, _ = self._path.sample(self.time + STEP - self._path_start)
@@ -236,7 +250,10 @@ class SimulatedArm:
 
     def _apply_events(self) -> None:
         while self._events and self._events[0][0] <= self.time + 1e-9:
-            _, _, joint, lock, lag = heapq.heappop(self._events)
+            _, _, joint, lock, lag, stuck = heapq.heappop(self._events)
+            if stuck and not self._stuck[joint]:
+                self._held[joint] = self._rounded(self.position)[joint]
+            self._stuck[joint] = stuck
             self.locked[joint] = lock
             self._late[joint] = lag
             if lock:

@@ -6,16 +6,18 @@ import sys
 from collections.abc import Sequence
 
 import numpy as np
+from geometry_msgs.msg import PoseStamped
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
 from ft_manip_interfaces.srv import InjectFault
 from ft_manip_ros.core.errors import InputError
+from ft_manip_ros.core.kinematics import fk
 from ft_manip_ros.core.sim import SimSettings, SimulatedArm
 from ft_manip_ros.nodes import topics
 from ft_manip_ros.nodes.arm_model import load_arm_parameter
-from ft_manip_ros.nodes.conversions import path_from_message, seconds, stamp
+from ft_manip_ros.nodes.conversions import path_from_message, pose_to_message, seconds, stamp
 from ft_manip_ros.nodes.managed_node import ManagedNode
 from ft_manip_ros.nodes.parameters import ARM_PARAMETERS, ParameterSpec
 from ft_manip_ros.nodes.process import run
@@ -55,6 +57,18 @@ PARAMETERS = (
     ParameterSpec(
         'reorder_fraction', 0.0, 'Share of joint states sent after the next one.', '', 0.0, 1.0
     ),
+    ParameterSpec(
+        'tool_pose_rate',
+        0.0,
+        'How often the pose of the tool is published, as a tracker sees it; 0: never.',
+        'Hz',
+        0.0,
+        1000.0,
+    ),
+    ParameterSpec(
+        'tool_noise', 5e-4, 'Standard deviation of a coordinate of the tool.', 'm', 0.0, 0.1
+    ),
+    ParameterSpec('frame', 'base_link', 'Frame of poses of the tool: the base of the arm.'),
     ParameterSpec('seed', 0, 'Seed of noise, losses and reordering.', '', 0, 2**31 - 1),
 )
 
@@ -85,6 +99,7 @@ class ArmSim(ManagedNode):
         self._reorder = self.param('reorder_fraction')
         # Losses must not change the noise.
         self._transport = np.random.default_rng([self._settings.seed, 1])
+        self._tracker = np.random.default_rng([self._settings.seed, 2])
         self._late: JointState | None = None
         self._arm = self._new_arm()
         self._states = self.advertise(JointState, topics.JOINT_STATES, topics.SENSOR_QOS)
@@ -93,6 +108,9 @@ class ArmSim(ManagedNode):
         )
         self.serve(InjectFault, topics.INJECT_FAULT, self._on_inject_fault)
         self.every(1.0 / self.param('rate'), self._on_tick)
+        if self.param('tool_pose_rate') > 0.0:
+            self._tool = self.advertise(PoseStamped, topics.TOOL_POSE, topics.SENSOR_QOS)
+            self.every(1.0 / self.param('tool_pose_rate'), self._on_tool_tick)
 
     def activate(self) -> None:
         """Stand still where the arm stands; failed joints stay failed."""
@@ -133,9 +151,14 @@ class ArmSim(ManagedNode):
         elif request.kind == InjectFault.Request.SLUGGISH:
             verb = f'falls behind by {request.lag:g} s'
             self._arm.slow(request.joint, time, request.lag)
+        elif request.kind == InjectFault.Request.STUCK_ENCODER:
+            verb = 'has a stuck encoder'
+            self._arm.stick(request.joint, time)
         else:
             raise InputError(
-                'kind', f'is {request.kind}; must be 0 (lock), 1 (release) or 2 (sluggish)'
+                'kind',
+                f'is {request.kind}; must be 0 (lock), 1 (release), 2 (sluggish) or 3 (stuck '
+                'encoder)',
             )
         response.success = True
         response.message = f'{request.joint} {verb}'
@@ -156,6 +179,16 @@ class ArmSim(ManagedNode):
         )
         message.header.stamp = now.to_msg()
         self._send(message)
+
+    def _on_tool_tick(self) -> None:
+        now = self.get_clock().now()
+        self._arm.advance(float(now.nanoseconds) * 1e-9)
+        rotation, position = fk(self._chain, self._arm.position)
+        seen = position + self.param('tool_noise') * self._tracker.standard_normal(3)
+        message = PoseStamped(pose=pose_to_message(seen, rotation))
+        message.header.stamp = now.to_msg()
+        message.header.frame_id = self.param('frame')
+        self._tool.publish(message)
 
     def _send(self, message: JointState) -> None:
         """Publish over a transport that may lose messages and let one overtake another."""

@@ -9,7 +9,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from geometry_msgs.msg import PoseStamped
 from rclpy.clock import JumpThreshold, TimeJump
 from rclpy.duration import Duration
 from sensor_msgs.msg import JointState as JointStateMessage
@@ -28,7 +29,7 @@ from ft_manip_ros.core.detection.states import LATCHED, Edge, JointState
 from ft_manip_ros.core.detection.warm_up import warm_up
 from ft_manip_ros.nodes import topics
 from ft_manip_ros.nodes.arm_model import arm_source
-from ft_manip_ros.nodes.conversions import nanoseconds, trajectory_points
+from ft_manip_ros.nodes.conversions import nanoseconds, position_from_message, trajectory_points
 from ft_manip_ros.nodes.fault_messages import (
     NODE,
     desired_positions,
@@ -63,10 +64,16 @@ class FaultMonitorNode(ManagedNode):
         settings = MonitorSettings(
             **{item.name: self.param(item.name) for item in fields(MonitorSettings)}
         )
-        self._monitor = FaultMonitor(self._chain.joints, settings, exempt=self.param('exempt'))
-        self._feed = MonitorFeed(self._monitor)
-        self._mimics = MimicWatch(mimics_of(source, self._monitor.names), settings)
+        tool = self.param('tool_pose_topic')
         self._frame = self.param('frame')
+        self._monitor = FaultMonitor(
+            self._chain.joints,
+            settings,
+            exempt=self.param('exempt'),
+            chain=self._chain if tool else None,
+        )
+        self._feed = MonitorFeed(self._monitor, self._frame)
+        self._mimics = MimicWatch(mimics_of(source, self._monitor.names), settings)
         self._sequence = 0
         self._stamp = 0
         self._arrival: int | None = None
@@ -110,6 +117,8 @@ class FaultMonitorNode(ManagedNode):
                 topics.SENSOR_QOS,
                 timed=True,
             )
+        if tool:
+            self.subscribe(PoseStamped, tool, self._on_tool_pose, topics.SENSOR_QOS, timed=True)
         self._subscribe_controller_state(self.param('controller_state_topic'))
         self.serve(FreezeJoint, topics.FREEZE_JOINT, self._on_freeze)
         self.serve(ClearFault, topics.CLEAR_FAULT, self._on_clear)
@@ -125,7 +134,7 @@ class FaultMonitorNode(ManagedNode):
 
     def warm_up(self) -> None:
         """Compile what every message will need."""
-        warm_up()
+        warm_up(self._chain if self._monitor.tool is not None else None)
 
     def activate(self) -> None:
         """Say what is known, which may be faults of an earlier run."""
@@ -204,6 +213,14 @@ class FaultMonitorNode(ManagedNode):
             nanoseconds(message.header.stamp), arrival, message.name, message.position
         )
         self._commanded = True
+
+    def _on_tool_pose(self, message: PoseStamped, arrival: int) -> None:
+        self._feed.tool_pose(
+            nanoseconds(message.header.stamp),
+            arrival,
+            message.header.frame_id,
+            position_from_message(message.pose.position).tolist(),
+        )
 
     def _on_controller_state(self, message: Any, arrival: int) -> None:
         self._feed.reference(
@@ -290,6 +307,8 @@ class FaultMonitorNode(ManagedNode):
             summary.level, summary.message = DiagnosticStatus.WARN, _BLIND
         else:
             summary.message = 'watching'
+        if self._monitor.tool is not None:
+            summary.values = [KeyValue(key='tool', value=self._monitor.tool.text)]
         self._diagnostics.publish(
             diagnostics_message(
                 reports,

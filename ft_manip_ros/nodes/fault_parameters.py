@@ -91,7 +91,9 @@ def _setting(name: str) -> ParameterSpec:
 
 PARAMETERS = (
     *ARM_PARAMETERS,
-    ParameterSpec('frame', 'base_link', 'Frame of the markers: the base of the arm.'),
+    ParameterSpec(
+        'frame', 'base_link', 'Frame of markers and poses of the tool: the base of the arm.'
+    ),
     ParameterSpec(
         'exempt',
         Parameter.Type.STRING_ARRAY,
@@ -106,6 +108,12 @@ PARAMETERS = (
         'controller_state_topic',
         'joint_trajectory_controller/controller_state',
         'State of the controller, read where control_msgs is installed; empty: none.',
+    ),
+    ParameterSpec(
+        'tool_pose_topic',
+        '',
+        'A geometry_msgs/PoseStamped topic with the tool as a tracker or a camera sees it, in the '
+        "frame of the arm's base: tells stuck encoders from locked joints; empty: none.",
     ),
     ParameterSpec(
         'state_file',

@@ -7,6 +7,7 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
+import yaml
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.clock import Clock, ClockType
 from rclpy.serialization import deserialize_message
@@ -36,6 +37,7 @@ _POLL = 0.02  # s, between takes
 _DISCOVERY = 0.1  # s, between looks at the graph
 _DIAGNOSTICS = 1.0  # s
 _GRACE = CLOSE_TIME + 2.0  # s, to finish the bag after Ctrl-C
+_INPUTS = ('reference_topic', 'tool_pose_topic')  # parameters that name topics
 _FAULT_TYPE = 'ft_manip_interfaces/msg/JointFault'
 _TRIGGERS = (JointFault.LOCKED, JointFault.RUNAWAY)
 
@@ -154,6 +156,12 @@ class Recorder(ManagedNode):
     def _on_parameters(self, node: str, values: dict[str, str]) -> None:
         self._if_open('add_provenance', f'parameters{node}', values)
         self.get_logger().info(f'has the parameters of {node}')
+        # What the monitor listens to by another name is as much evidence as the joint states.
+        space = node.rpartition('/')[0]
+        for key in _INPUTS:
+            topic = yaml.safe_load(values.get(key, '')) or ''
+            if topic:
+                self._wanted |= {topic if topic.startswith('/') else f'{space}/{topic}'}
 
     def _if_open(self, method: str, *args: object) -> None:
         if self._recording is not None:

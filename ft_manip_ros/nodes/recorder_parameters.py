@@ -12,6 +12,7 @@ CONTINUOUS, SNAPSHOT = 'continuous', 'snapshot'
 TOPICS = (
     topics.JOINT_STATES,
     topics.JOINT_TRAJECTORY,
+    topics.TOOL_POSE,
     topics.TASK,
     topics.FAULT_STATE,
     topics.FAULT_EVENTS,

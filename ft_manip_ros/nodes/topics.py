@@ -56,6 +56,7 @@ SERVICE_EVENT_QOS: Final = reliable(100)
 
 JOINT_STATES: Final = 'joint_states'  # sensor_msgs/JointState, SENSOR_QOS
 JOINT_TRAJECTORY: Final = 'joint_trajectory_controller/joint_trajectory'  # COMMAND_QOS
+TOOL_POSE: Final = 'tool_pose'  # geometry_msgs/PoseStamped, SENSOR_QOS
 TASK: Final = 'task'  # ft_manip_interfaces/Task, LATCHED_QOS
 FAULT_STATE: Final = 'fault_state'  # ft_manip_interfaces/FaultState, LATCHED_QOS
 FAULT_EVENTS: Final = 'fault_events'  # ft_manip_interfaces/JointFault, EVENT_QOS

@@ -8,9 +8,11 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from ft_manip_ros.core.detection.layout import Memory
+from ft_manip_ros.core.detection.layout import NO_TIME, Memory
 from ft_manip_ros.core.detection.machine import (
+    LOCK_AWAITS_TOOL,
     LOCK_CONFIRMED,
+    LOCK_ENCODER_STUCK,
     LOCK_FIRST,
     LOCK_HELD_BACK,
     LOCK_UNSENSED,
@@ -18,7 +20,7 @@ from ft_manip_ros.core.detection.machine import (
     RUNAWAY,
 )
 from ft_manip_ros.core.detection.motion import QUIET
-from ft_manip_ros.core.detection.states import Cause
+from ft_manip_ros.core.detection.states import Cause, ToolWord
 from ft_manip_ros.core.detection.stillness import lock_level
 from ft_manip_ros.core.detection.tracking import command_at
 
@@ -40,6 +42,10 @@ _FIRST_LEVEL: Final = 0.5
 _FEW_REPEATS: Final = 0.05  # share of messages below which repetition is news
 _ENOUGH_MESSAGES: Final = 200
 _LOG_IMPOSSIBLE: Final = -40.0
+_TOOL_SILENT: Final = 0.5  # s without a pose of the tool after which it says nothing
+_UNASKED: Final = int(ToolWord.UNASKED)
+_AWAITED: Final = int(ToolWord.AWAITED)
+_MOVED: Final = int(ToolWord.MOVED)
 
 
 @numba.njit(cache=True, nogil=True)
@@ -51,16 +57,32 @@ def lock_stage_of(
     Where no commanded joint moves, the arm is stopped, has not got its command yet or runs others;
     where the message itself repeats, nothing is known of any joint.
     """
+    r = memory.joints[i]
+    if r.stuck:
+        return LOCK_ENCODER_STUCK
     if stage != LOCK_CONFIRMED:
         return stage
     if not fresh or repeated:
         return LOCK_FIRST
-    r = memory.joints[i]
     if r.changes_ever == 0 and r.q == 0.0 and _others_flicker(memory, i):
         return LOCK_UNSENSED
     if r.ring_n == 0:
         return stage if _others_move(memory, i) else LOCK_FIRST
-    return stage if _executed(memory, i, live) else LOCK_HELD_BACK
+    return _tool_view(r, memory.arm[0]) if _executed(memory, i, live) else LOCK_HELD_BACK
+
+
+@numba.njit(cache=True, nogil=True)
+def _tool_view(r: Any, arm: Any) -> int:
+    """What the tool's motion makes of a confirmed lock; waits for its word, but not for long."""
+    if r.tool_word == _MOVED:
+        r.stuck = True
+        return LOCK_ENCODER_STUCK
+    if r.tool_word != _UNASKED and r.tool_word != _AWAITED:
+        return LOCK_CONFIRMED
+    if r.tool_asked == NO_TIME:
+        r.tool_asked = r.t
+    heard = r.t - arm.tool_t <= _TOOL_SILENT
+    return LOCK_AWAITS_TOOL if heard and r.t - r.tool_asked < arm.tool_wait else LOCK_CONFIRMED
 
 
 @numba.njit(cache=True, nogil=True)

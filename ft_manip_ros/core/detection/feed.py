@@ -27,10 +27,13 @@ class MonitorFeed:
     ----------
     monitor
         The monitor that is fed.
+    frame
+        Frame of the arm's base, in which positions of the tool are given; None: any.
     """
 
-    def __init__(self, monitor: FaultMonitor) -> None:
+    def __init__(self, monitor: FaultMonitor, frame: str | None = None) -> None:
         self.monitor = monitor
+        self._frame = frame
         self.ignored: set[str] = set()
         self._latest: tuple[int, int] | None = None
         self._stamped = False
@@ -154,6 +157,24 @@ class MonitorFeed:
         self.monitor.command(
             stamp if stamp != 0 else self.on_sample_clock(arrival),
             dict(zip(names, positions, strict=True)),
+        )
+
+    def tool_pose(self, stamp: int, arrival: int, frame: str, position: Sequence[float]) -> None:
+        """Take a position (3,), m, of the tool; stamp 0 means that it was seen as it arrives.
+
+        Raises
+        ------
+        InputError
+            For another frame than the arm's base (an empty one is taken for it), and as
+            `FaultMonitor.tool_pose`.
+        """
+        if self._frame is not None and frame not in ('', self._frame):
+            raise InputError(
+                'tool_pose.header.frame_id',
+                f"is {frame!r}; {self._frame!r} (parameter frame), the arm's base, is needed",
+            )
+        self.monitor.tool_pose(
+            stamp if stamp != 0 else self.on_sample_clock(arrival), np.array(position, dtype=float)
         )
 
     def on_sample_clock(self, arrival: int) -> int:

@@ -42,6 +42,7 @@ _FLAGS = (
     'weighing',
     'keeps_pace',
     'catch_through',
+    'stuck',
 )
 _COUNTS = (
     'state',
@@ -75,6 +76,7 @@ _COUNTS = (
     'moving_n',
     'stops',
     'changes_ever',
+    'tool_word',
 )
 _NUMBERS = (
     # known of the joint beforehand (rad or m, /s)
@@ -188,6 +190,7 @@ _NUMBERS = (
     'frozen_q',
     'frozen_sigma',
     'slip_since',
+    'tool_asked',
 )
 _UNKNOWN = (
     'q',
@@ -224,6 +227,8 @@ ARM = np.dtype(
         ('repeat_since', np.float64),
         ('longest_repeat', np.float64),
         ('load', np.float64),  # rad or m, the largest sag seen at rest, of any joint
+        ('tool_t', np.float64),  # s, when the latest pose of the tool came
+        ('tool_wait', np.float64),  # s, that its word on a suspect may take
     ],
     align=True,
 )
@@ -297,12 +302,14 @@ def allocate(
         'anchor_t',
         'before_t',
         'came_t',
+        'tool_asked',
     ):
         records[name] = NO_TIME
     records['lag_high'] = settings.lag_prior_s
     records['ring_step'] = max(HISTORY, 3.0 * settings.lag_prior_s) / RING
     arm = np.zeros(1, dtype=ARM)
     arm['now'] = NO_TIME
+    arm['tool_t'] = NO_TIME
     numbers = np.array([tuple(asdict(settings).values())], dtype=SETTINGS)
     return Memory(
         records,

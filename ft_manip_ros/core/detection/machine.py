@@ -14,7 +14,7 @@ from typing import Any, Final
 import numba
 import numpy as np
 
-from ft_manip_ros.core.detection.states import Cause, JointState
+from ft_manip_ros.core.detection.states import Cause, JointState, ToolWord
 from ft_manip_ros.core.detection.tracking import noise_of
 
 OK: Final = int(JointState.OK)
@@ -39,6 +39,12 @@ _MOVED_WHILE_LOCKED: Final = int(Cause.MOVED_WHILE_LOCKED)
 _STOPPED: Final = int(Cause.STOPPED_AMONG_MOVING)
 _NO_SENSOR: Final = int(Cause.NO_SENSOR)
 _CLEARED: Final = int(Cause.CLEARED)
+_ENCODER_STUCK: Final = int(Cause.ENCODER_STUCK)
+_TOOL_AWAITED: Final = int(Cause.TOOL_AWAITED)
+_TOOL_UNCLEAR: Final = int(Cause.TOOL_UNCLEAR)
+_TOOL_STANDS: Final = int(Cause.TOOL_STANDS)
+_STOOD: Final = int(ToolWord.STOOD)
+_UNCLEAR: Final = int(ToolWord.UNCLEAR)
 
 LOCK_NONE: Final = 0
 LOCK_FIRST: Final = 1  # first evidence
@@ -46,6 +52,8 @@ LOCK_HELD_BACK: Final = 2  # confirmed, but no commanded joint of the arm moves
 LOCK_CONTRADICTED: Final = 3  # confirmed, but velocity or a jump before speak against it
 LOCK_UNSENSED: Final = 4  # confirmed, but the channel never showed that it has a sensor
 LOCK_CONFIRMED: Final = 5
+LOCK_AWAITS_TOOL: Final = 6  # confirmed, but the tool's motion may say otherwise any moment
+LOCK_ENCODER_STUCK: Final = 7  # the tool's motion shows that the joint moves
 
 _SUSPECT_LEVEL: Final = 0.5
 _CONTRADICTIONS: Final = 3
@@ -139,8 +147,7 @@ def decide(
             watch_locked(r, t, r.q)
         return
     if fresh and stage == LOCK_CONFIRMED:
-        cause = _NO_MOTION_HIGH_EFFORT if r.high_effort else _NO_MOTION
-        freeze(r, t, cause if r.ring_n > 0 else _STOPPED)
+        freeze(r, t, _lock_cause(r))
         return
     if fresh and runaway >= 0:
         r.state = RUNAWAY
@@ -156,6 +163,10 @@ def decide(
         _enter(r, SENSOR, _JUMP if r.untrusted else _VELOCITY_DISAGREES, r.suspect_since)
     elif stage == LOCK_UNSENSED:
         _enter(r, SENSOR, _NO_SENSOR, r.suspect_since)
+    elif stage == LOCK_ENCODER_STUCK:
+        _enter(r, SENSOR, _ENCODER_STUCK, r.suspect_since)
+    elif stage == LOCK_AWAITS_TOOL:
+        _enter(r, SUSPECT, _TOOL_AWAITED, r.suspect_since)
     elif stage == LOCK_FIRST:
         _enter(r, SUSPECT, _FIRST_EVIDENCE, r.suspect_since)
     elif stage == LOCK_HELD_BACK:
@@ -168,6 +179,17 @@ def decide(
         _enter(r, OK, _FOLLOWS, 0.0)
     else:
         _enter(r, IDLE, _AT_REST, 0.0)
+
+
+@numba.njit(cache=True, nogil=True)
+def _lock_cause(r: Any) -> int:
+    if r.ring_n == 0:
+        return _STOPPED
+    if r.tool_word == _UNCLEAR:
+        return _TOOL_UNCLEAR
+    if r.high_effort:
+        return _NO_MOTION_HIGH_EFFORT
+    return _TOOL_STANDS if r.tool_word == _STOOD else _NO_MOTION
 
 
 @numba.njit(cache=True, nogil=True)

@@ -8,6 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from ft_manip_ros.core.chain import SerialChain
 from ft_manip_ros.core.detection.command_intake import CommandIntake
 from ft_manip_ros.core.detection.commands import TrajectoryPoint
 from ft_manip_ros.core.detection.kernel import advance, forget_windows
@@ -18,6 +19,7 @@ from ft_manip_ros.core.detection.reporting import Reporter
 from ft_manip_ros.core.detection.sample_table import sample_table
 from ft_manip_ros.core.detection.settings import MonitorSettings
 from ft_manip_ros.core.detection.states import Cause, Edge, JointState, Report
+from ft_manip_ros.core.detection.tool_watch import ToolWatch
 from ft_manip_ros.core.errors import InputError
 from ft_manip_ros.core.joint import Joint
 
@@ -39,6 +41,8 @@ class FaultMonitor:
         Thresholds and windows.
     exempt
         Joints that are never LOCKED, for example a gripper that closes on objects.
+    chain
+        The arm, where positions of its tool are told (`tool_pose`); all of its joints are watched.
 
     Attributes
     ----------
@@ -46,6 +50,8 @@ class FaultMonitor:
         Joint names, in the order of all arrays.
     records
         What is remembered of each joint, shape (n,) of `layout.JOINT`; to look at only.
+    tool
+        What is known of the tool's motion; None without a chain.
     """
 
     def __init__(
@@ -54,6 +60,7 @@ class FaultMonitor:
         settings: MonitorSettings | None = None,
         *,
         exempt: Iterable[str] = (),
+        chain: SerialChain | None = None,
     ) -> None:
         if not joints:
             raise InputError('joints', 'is empty; at least one joint is needed')
@@ -69,6 +76,10 @@ class FaultMonitor:
         limited = [isinstance(joint, Joint) for joint in joints]
         self._memory = allocate(known, self.settings, limited, exempt)
         self.records = self._memory.joints
+        self.tool: ToolWatch | None = None
+        if chain is not None:
+            places = np.array([self._index(name, 'tool') for name in chain.joint_names])
+            self.tool = ToolWatch(chain, self._memory, places)
         self._intake = CommandIntake(self.names)
         n = len(known)
         self._row = np.full((3, 1, n), np.nan)
@@ -104,6 +115,18 @@ class FaultMonitor:
         """
         measured = self.records['q'].copy()
         self._intake.trajectory(self._time(stamp), names, points, measured)
+
+    def tool_pose(self, stamp: int, position: Array) -> None:
+        """Take a position (3,), m, of the tool in the base frame as seen at ``stamp`` (ns).
+
+        Raises
+        ------
+        InputError
+            For numbers that are not finite, stamps of another clock, or a monitor without chain.
+        """
+        if self.tool is None:
+            raise InputError('tool_pose', 'needs a monitor that was given the arm (chain)')
+        self.tool.pose(self._time(stamp), np.asarray(position, dtype=float))
 
     def sample(
         self,
@@ -153,6 +176,8 @@ class FaultMonitor:
         # streamed they change from sample to sample: one by one, then.
         steady = bool(times[0] > self._memory.arm['now'][0] and (np.diff(times) > 0.0).all())
         live = times < self._live_until
+        # And where the tool is seen, the posture of every sample is kept.
+        steady = steady and self.tool is None
         step = count if steady and (live.all() or not live.any()) else 1
         edges: list[Edge] = []
         for start in range(0, count, step):
@@ -208,9 +233,13 @@ class FaultMonitor:
             done += rows
             for j, before in self._edges[:count]:
                 out.append(self._reporter.edge(j, JointState(int(before)), stamps[done - 1], ''))
+        if self.tool is not None:
+            self.tool.sample(float(times[-1]))
         if self._memory.arm['resets'][0] != self._resets:
             self._resets = int(self._memory.arm['resets'][0])
             self._intake.clear()
+            if self.tool is not None:
+                self.tool.clear()
         return out
 
     def states(self) -> tuple[Report, ...]:
@@ -291,6 +320,8 @@ class FaultMonitor:
             forget_windows(self._memory.joints[j])
         self._memory.arm['now'] = NO_TIME
         self._intake.clear()
+        if self.tool is not None:
+            self.tool.clear()
 
     def _index(self, name: str, field_name: str) -> int:
         if name not in self._place:

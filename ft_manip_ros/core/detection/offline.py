@@ -105,14 +105,27 @@ def detect(
 
     Parameters
     ----------
+    chain
+        The arm, without which positions of the tool say nothing.
     trace
         Filled with the evidence after every message where given.
+
+    Raises
+    ------
+    InputError
+        For an arm of which no joint is recorded, or not every one where the tool is.
     """
     joints, _ = watched_joints(recording.joints, chain)
     names = [joint if isinstance(joint, str) else joint.name for joint in joints]
     data = recording if tuple(names) == recording.joints else select(recording, names)
-    monitor = FaultMonitor(joints, settings, exempt=[name for name in exempt if name in names])
-    step = 1 if trace is not None else max(len(data.stamps), 1)
+    tool = None if chain is None else data.tool
+    monitor = FaultMonitor(
+        joints,
+        settings,
+        exempt=[name for name in exempt if name in names],
+        chain=None if tool is None else chain,
+    )
+    step = 1 if trace is not None or tool is not None else max(len(data.stamps), 1)
     edges: list[Edge] = []
     for start in range(0, len(data.stamps), step):
         rows = slice(start, start + step)
@@ -124,6 +137,8 @@ def detect(
             data.present[rows],
             data.commands[rows],
         )
+        if tool is not None and not np.isnan(tool[start]).all():
+            monitor.tool_pose(int(data.stamps[start]), tool[start])
         if trace is not None:
             trace.note(monitor, int(data.stamps[start]))
     return monitor, edges

@@ -48,6 +48,21 @@ class Cause(IntEnum):
     UNSEEN_COMMANDS = 22
     RESTORED = 23
     NO_SENSOR = 24
+    ENCODER_STUCK = 25
+    TOOL_AWAITED = 26
+    TOOL_UNCLEAR = 27
+    TOOL_STANDS = 28
+
+
+class ToolWord(IntEnum):
+    """What the tool's motion says of a joint that is commanded and whose encoder stands."""
+
+    UNASKED = 0  # no pose yet since it is suspected
+    AWAITED = 1  # too little motion yet to tell
+    NOTHING = 2  # and it will not tell
+    STOOD = 3  # the joint stands, too
+    MOVED = 4  # the joint moves
+    UNCLEAR = 5  # the tool moves as no suspect alone, or as more than one would have it
 
 
 CAUSE_TEXT: dict[Cause, str] = {
@@ -76,6 +91,11 @@ CAUSE_TEXT: dict[Cause, str] = {
     Cause.UNSEEN_COMMANDS: 'several joints move without a command: others are commanding the arm',
     Cause.NO_SENSOR: 'has read exactly zero ever since, beside encoders that flicker',
     Cause.RESTORED: 'restored from the state file',
+    Cause.ENCODER_STUCK: "encoder stands still while the tool's motion shows that the joint moves",
+    Cause.TOOL_AWAITED: "commanded to move and does not show it; the tool's motion is waited for",
+    Cause.TOOL_UNCLEAR: 'commanded to move and does not; the tool moves, and it is unclear which '
+    'joint moves it',
+    Cause.TOOL_STANDS: 'commanded to move and does not, and the tool stands as well',
 }
 
 LATCHED = frozenset({JointState.LOCKED, JointState.RUNAWAY})

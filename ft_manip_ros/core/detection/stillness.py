@@ -21,6 +21,7 @@ from ft_manip_ros.core.detection.lateness import (
     rest_cells,
     weigh_cells,
 )
+from ft_manip_ros.core.detection.layout import NO_TIME
 from ft_manip_ros.core.detection.slack import (
     note_swallowed,
     swallowed_at_start,
@@ -70,6 +71,13 @@ def restart_window(r: Any, t: float, q: float, lag_prior: float) -> None:
     r.lag_used = max(r.lag_high, lag_prior) if r.lag_known else lag_prior
     r.contradictions = 0
     r.high_effort = False
+    r.tool_word = 0
+    r.tool_asked = NO_TIME
+    if r.stuck:
+        # Whether it counts from where it should, it has to show by following.
+        r.stuck = False
+        r.proving = True
+        r.untrusted = True
 
 
 @numba.njit(cache=True, nogil=True)

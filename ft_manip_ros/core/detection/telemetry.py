@@ -14,7 +14,8 @@ from pathlib import Path
 import numpy as np
 from scipy.io import loadmat
 
-from ft_manip_ros.core.detection.recording import Recording, build_recording, read_csv
+from ft_manip_ros.core.detection.recording import Recording, build_recording
+from ft_manip_ros.core.detection.recording_csv import read_csv
 from ft_manip_ros.core.errors import InputError
 
 _TX40_PERIOD = 0.0002  # s, from the configuration published with it

@@ -7,12 +7,14 @@ import math
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from ft_manip_ros.core.arm_file import load_arm
 from ft_manip_ros.core.detection.feed import MonitorFeed
 from ft_manip_ros.core.detection.monitor import FaultMonitor
 from ft_manip_ros.core.detection.states import LATCHED, JointState
 from ft_manip_ros.core.errors import InputError
 
-NAMES = ('a', 'b', 'c')
+CHAIN = load_arm('planar_3r')
+NAMES = CHAIN.joint_names
 anything = st.floats(allow_nan=True, allow_infinity=True)
 sane = st.floats(-1.5, 1.5)
 value = st.one_of(sane, anything)
@@ -34,14 +36,20 @@ message = st.one_of(
     ),
     st.tuples(st.just('clear'), step, st.sampled_from([*NAMES, 'x', ''])),
     st.tuples(st.just('forget'), step),
+    st.tuples(
+        st.just('tool'),
+        step,
+        st.sampled_from(['', 'base_link', 'camera']),
+        st.lists(value, min_size=2, max_size=3),
+    ),
 )
 
 
 @settings(max_examples=150, deadline=None)
-@given(st.lists(message, max_size=60))
-def test_whatever_comes_the_monitor_lives_and_its_reports_hold_together(messages):
-    monitor = FaultMonitor(NAMES)
-    feed = MonitorFeed(monitor)
+@given(st.lists(message, max_size=60), st.booleans())
+def test_whatever_comes_the_monitor_lives_and_its_reports_hold_together(messages, seen):
+    monitor = FaultMonitor(NAMES, chain=CHAIN if seen else None)
+    feed = MonitorFeed(monitor, 'base_link')
     now = 10**12
     for kind, ahead, *content in messages:
         now = max(now + ahead, 0) if abs(ahead) < 2**60 else now
@@ -51,6 +59,8 @@ def test_whatever_comes_the_monitor_lives_and_its_reports_hold_together(messages
                 feed.joint_state(now, now, *content)
             elif kind == 'good':
                 feed.joint_state(now, now, NAMES, *content)
+            elif kind == 'tool':
+                feed.tool_pose(now, now, *content)
             elif kind == 'trajectory':
                 feed.trajectory(now, now, *content)
             elif kind == 'reference':

@@ -11,7 +11,8 @@ from ft_manip_ros.cli.main import main
 from ft_manip_ros.core.detection.evaluate import evaluate
 from ft_manip_ros.core.detection.implant import KINDS, implant, moving_rows
 from ft_manip_ros.core.detection.offline import detect
-from ft_manip_ros.core.detection.recording import build_recording, read_csv
+from ft_manip_ros.core.detection.recording import build_recording
+from ft_manip_ros.core.detection.recording_csv import read_csv
 from ft_manip_ros.core.detection.simulate import random_arm, simulate
 from ft_manip_ros.core.detection.states import JointState
 from ft_manip_ros.core.errors import InputError
