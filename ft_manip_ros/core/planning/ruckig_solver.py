@@ -9,6 +9,7 @@ import ruckig
 
 from ft_manip_ros.core.chain import Array
 from ft_manip_ros.core.planning.limits import MotionLimits
+from ft_manip_ros.core.planning.profiles import POSITION
 
 # Ruckig refuses motions of several joints beyond 7600 s: they are solved in larger units (s).
 _UNITS = (1.0, 1e3, 1e6, 1e9)
@@ -33,7 +34,7 @@ class Solution:
     @property
     def end(self) -> Array:
         """Positions, (m,), where it has come to rest."""
-        return self.profile[:, 2, -1].copy()
+        return self.profile[:, POSITION, -1].copy()
 
 
 def _profile(found: ruckig.Trajectory) -> Array:
