@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any, Final
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from ft_manip_ros.core.compiled import kernel
 from ft_manip_ros.core.detection.layout import NO_TIME, Memory
 from ft_manip_ros.core.detection.machine import (
     LOCK_AWAITS_TOOL,
@@ -48,7 +48,7 @@ _AWAITED: Final = int(ToolWord.AWAITED)
 _MOVED: Final = int(ToolWord.MOVED)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def lock_stage_of(
     memory: Memory, i: int, stage: int, fresh: bool, repeated: bool, live: bool
 ) -> int:
@@ -71,7 +71,7 @@ def lock_stage_of(
     return _tool_view(r, memory.arm[0]) if _executed(memory, i, live) else LOCK_HELD_BACK
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _tool_view(r: Any, arm: Any) -> int:
     """What the tool's motion makes of a confirmed lock; waits for its word, but not for long."""
     if r.tool_word == _MOVED:
@@ -85,7 +85,7 @@ def _tool_view(r: Any, arm: Any) -> int:
     return LOCK_AWAITS_TOOL if heard and r.t - r.tool_asked < arm.tool_wait else LOCK_CONFIRMED
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _executed(memory: Memory, i: int, live: bool) -> bool:
     """Tell whether the arm is seen to execute the command that joint ``i`` does not follow.
 
@@ -125,7 +125,7 @@ def _executed(memory: Memory, i: int, live: bool) -> bool:
     return live or r.taken_up or r.high_effort or waited
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _follows(memory: Memory, j: int) -> bool:
     """Tell whether a joint is where one of its believable lags would have it."""
     r = memory.joints[j]
@@ -141,7 +141,7 @@ def _follows(memory: Memory, j: int) -> bool:
     return min(early, late) - reach <= where <= max(early, late) + reach
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _others_flicker(memory: Memory, i: int) -> bool:
     """Tell whether another encoder's reading changes although its joint rests."""
     for j in range(memory.joints.shape[0]):
@@ -152,7 +152,7 @@ def _others_flicker(memory: Memory, i: int) -> bool:
     return False
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _others_move(memory: Memory, i: int) -> bool:
     """Tell whether another joint moved in the later half of this joint's stillness."""
     r = memory.joints[i]
@@ -164,7 +164,7 @@ def _others_move(memory: Memory, i: int) -> bool:
     return False
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def runaway_of(memory: Memory, i: int, cause: int, live: bool) -> int:
     """Drop motion at rest when several joints show it and commands are not streamed.
 
@@ -179,7 +179,7 @@ def runaway_of(memory: Memory, i: int, cause: int, live: bool) -> int:
     return cause
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def stale_cause(r: Any, s: Any, arm: Any, repeated: bool, t: float) -> int:
     """Return the `Cause` why a joint's samples are not fresh, or QUIET."""
     if repeated:
@@ -192,7 +192,7 @@ def stale_cause(r: Any, s: Any, arm: Any, repeated: bool, t: float) -> int:
     return QUIET
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def watch_payload(
     memory: Memory, t: float, q: Array, v: Array, e: Array, present: NDArray[np.bool_]
 ) -> bool:

@@ -9,10 +9,10 @@ from __future__ import annotations
 
 from typing import Any, Final
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from ft_manip_ros.core.compiled import kernel
 from ft_manip_ros.core.detection.layout import PAST
 from ft_manip_ros.core.detection.tracking import noise_of
 
@@ -29,7 +29,7 @@ _STOPPED: Final = 0.3  # s
 _MEMORY: Final = 300.0  # s of motion
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def observe_coasting(r: Any, past_t: Array, past_q: Array, t: float, q: float) -> None:
     """Take one accepted sample of a joint without command, after its stillness was judged."""
     if r.past_n > 0 and t - past_t[(r.past_n - 1) % PAST] > 1.0:

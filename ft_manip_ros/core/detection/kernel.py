@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any, Final
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from ft_manip_ros.core.compiled import kernel
 from ft_manip_ros.core.detection.arm_view import (
     lock_stage_of,
     runaway_of,
@@ -54,7 +54,7 @@ _LATE_MARGIN: Final = 0.05  # s
 _LOAD_MEMORY: Final = 300.0  # s
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def forget_windows(r: Any) -> None:
     """Start all windows of a joint anew; what was learned and decided stays."""
     r.t = NO_TIME
@@ -75,7 +75,7 @@ def forget_windows(r: Any) -> None:
     r.past_n = 0
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _on_time_line(memory: Memory, t: float) -> bool:
     """False while stamps lie before those already seen; True again on a new time line."""
     arm, s = memory.arm[0], memory.settings[0]
@@ -100,7 +100,7 @@ def _on_time_line(memory: Memory, t: float) -> bool:
     return True
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _zero_row(memory: Memory, q: Array, present: NDArray[np.bool_]) -> bool:
     """An all-zero message from an arm that stands elsewhere: the driver had nothing to say."""
     count = 0
@@ -116,7 +116,7 @@ def _zero_row(memory: Memory, q: Array, present: NDArray[np.bool_]) -> bool:
     return count > 1 and elsewhere
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _accept(memory: Memory, j: int, t: float, q: float, v: float, e: float) -> int:
     """Let one believed sample speak; returns a confirmed runaway's cause or QUIET."""
     r, s, arm = memory.joints[j], memory.settings[0], memory.arm[0]
@@ -171,7 +171,7 @@ def _accept(memory: Memory, j: int, t: float, q: float, v: float, e: float) -> i
     return runaway
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _note_jerk(r: Any, t: float) -> None:
     """A suspect moved on by itself: it sticks."""
     r.jerks = r.jerks + 1 if t - r.last_jerk < _JERK_MEMORY else 1
@@ -179,7 +179,7 @@ def _note_jerk(r: Any, t: float) -> None:
     r.suspects += 1
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _sluggish(r: Any, t: float) -> int:
     if r.jerks >= _JERKS_MANY and t - r.last_jerk < _JERK_MEMORY:
         return _JERKS
@@ -188,7 +188,7 @@ def _sluggish(r: Any, t: float) -> int:
     return QUIET
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def advance(
     memory: Memory,
     stamps: Array,
@@ -199,6 +199,8 @@ def advance(
     commands: Array,
     live: bool,
     edges: NDArray[np.int64],
+    runaways: NDArray[np.int64],
+    fresh: NDArray[np.bool_],
 ) -> tuple[int, int]:
     """Take messages up to the first that changes a state; return how many, and how many changes.
 
@@ -217,12 +219,13 @@ def advance(
         Whether commands are streamed, so that motion beside them cannot be unseen commands.
     edges : ndarray of int, shape (n, 2)
         Written: joint and state before, for each change.
+    runaways, fresh : ndarray, shape (n,)
+        Scratch.
     """
     joints, arm, s = memory.joints, memory.arm[0], memory.settings[0]
     n = joints.shape[0]
     count = 0
-    runaways = np.empty(n, dtype=np.int64)
-    fresh = np.zeros(n, dtype=np.bool_)
+    fresh[:] = False
     for k in range(stamps.shape[0]):
         t = stamps[k]
         if arm.now == NO_TIME:

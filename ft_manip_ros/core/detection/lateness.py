@@ -23,10 +23,10 @@ from __future__ import annotations
 
 from typing import Any, Final
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from ft_manip_ros.core.compiled import kernel
 from ft_manip_ros.core.detection.layout import CELLS, NO_TIME, RING
 from ft_manip_ros.core.detection.tracking import command_at
 
@@ -46,7 +46,7 @@ _SPEED_TIME: Final = 0.04  # s over which the command's speed is measured
 _STRAIGHT_ON: Final = 0.6  # of its speed before, at least, or the command is turning or arriving
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _way_speed(r: Any, ring_t: Array, ring_c: Array, t: float) -> float:
     """Speed of the command at ``t`` along the joint's way, from the past; NaN where unknown."""
     span = max(_SPEED_TIME, 1.5 * r.period)
@@ -54,7 +54,7 @@ def _way_speed(r: Any, ring_t: Array, ring_c: Array, t: float) -> float:
     return r.way * step / span
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def remember_way(r: Any, t: float, q: float) -> None:
     """Keep where the joint was at least `_WAY_TIME` ago; after a gap nothing is known."""
     if r.still_n == 0:
@@ -65,7 +65,7 @@ def remember_way(r: Any, t: float, q: float) -> None:
         r.anchor_t, r.anchor_q = t, q
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _came_so(
     r: Any, ring_t: Array, ring_c: Array, least: float, greatest: float, margin: float
 ) -> bool:
@@ -83,7 +83,7 @@ def _came_so(
     return bool(low - margin <= way <= high + margin)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def begin_cells(
     r: Any, ring_t: Array, ring_c: Array, cells: Array, t: float, reach: float, base: float
 ) -> None:
@@ -132,7 +132,7 @@ def begin_cells(
             cells[BELIEVED, i] = 0.0
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def advance_cells(r: Any, ring_t: Array, ring_c: Array, cells: Array, t: float) -> None:
     """Let the cells take the command up to now."""
     width = r.lag_used / CELLS
@@ -152,7 +152,7 @@ def advance_cells(r: Any, ring_t: Array, ring_c: Array, cells: Array, t: float) 
             cells[HIGH, i] = max(cells[HIGH, i], c)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def rest_cells(r: Any, cells: Array, t: float) -> None:
     """Go on from a command that has rested long enough for every lag to have seen it."""
     best = 0
@@ -167,7 +167,7 @@ def rest_cells(r: Any, cells: Array, t: float) -> None:
     r.weigh_since = t
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def weigh_cells(
     r: Any,
     ring_t: Array,
@@ -188,7 +188,9 @@ def weigh_cells(
     """
     width = r.lag_used / CELLS
     least = np.inf
-    nowhere = cells[BELIEVED].max() == 0.0
+    nowhere = True
+    for i in range(CELLS):
+        nowhere = nowhere and cells[BELIEVED, i] == 0.0
     for i in range(CELLS):
         if cells[BELIEVED, i] == 0.0 and not nowhere:
             continue

@@ -11,9 +11,9 @@ from __future__ import annotations
 
 from typing import Any, Final
 
-import numba
 import numpy as np
 
+from ft_manip_ros.core.compiled import kernel
 from ft_manip_ros.core.detection.states import Cause, JointState, ToolWord
 from ft_manip_ros.core.detection.tracking import noise_of
 
@@ -62,7 +62,7 @@ _ACTIVE: Final = 0.3  # s that a joint counts as commanded after its command cam
 _SLIP_SAMPLES: Final = 3
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def lock_stage(r: Any, s: Any, level: float) -> int:
     """How far the evidence for a lock has come, seen from this joint alone."""
     if r.exempt or level < _SUSPECT_LEVEL:
@@ -77,7 +77,7 @@ def lock_stage(r: Any, s: Any, level: float) -> int:
     return LOCK_CONFIRMED
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def freeze(r: Any, t: float, cause: int) -> None:
     """Become LOCKED where the joint stands."""
     r.state = LOCKED
@@ -93,7 +93,7 @@ def freeze(r: Any, t: float, cause: int) -> None:
     r.slip_n = 0
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def release(r: Any) -> None:
     """End a latched fault: from here on the joint has to prove itself."""
     r.state = PROVING
@@ -106,7 +106,7 @@ def release(r: Any) -> None:
     r.confirmed = 0.0
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def watch_locked(r: Any, t: float, q: float) -> None:
     """A joint that was found LOCKED and changes its angle is not frozen: RUNAWAY."""
     q -= 2.0 * np.pi * r.turns
@@ -125,7 +125,7 @@ def watch_locked(r: Any, t: float, q: float) -> None:
         r.frozen_sigma = np.nan
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def decide(
     r: Any, t: float, fresh: bool, stage: int, runaway: int, stale: int, sluggish: int
 ) -> None:
@@ -181,7 +181,7 @@ def decide(
         _enter(r, IDLE, _AT_REST, 0.0)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _lock_cause(r: Any) -> int:
     if r.ring_n == 0:
         return _STOPPED
@@ -192,7 +192,7 @@ def _lock_cause(r: Any) -> int:
     return _TOOL_STANDS if r.tool_word == _STOOD else _NO_MOTION
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def is_active(r: Any, t: float) -> bool:
     """Tell whether the joint is commanded to move or, without commands, moves."""
     if r.ring_n > 0:
@@ -200,7 +200,7 @@ def is_active(r: Any, t: float) -> bool:
     return r.has_moved and t - r.still_since < _ACTIVE
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _enter(r: Any, state: int, cause: int, evidence: float) -> None:
     if r.state != state:
         r.state = state

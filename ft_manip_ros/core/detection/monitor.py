@@ -86,6 +86,7 @@ class FaultMonitor:
         self._present = np.zeros((1, n), dtype=np.bool_)
         self._stamp = np.zeros(1)
         self._edges = np.zeros((n, 2), dtype=np.int64)
+        self._scratch = np.zeros(n, dtype=np.int64), np.zeros(n, dtype=np.bool_)
         self._reporter = Reporter(self.names, self.records, self._stamp_of)
         self._epoch: int | None = None
         self._live_until = -math.inf
@@ -229,7 +230,7 @@ class FaultMonitor:
         while done < len(times):
             q, v, e = values[:, done:]
             rest = (times[done:], q, v, e, present[done:], commands[done:])
-            rows, count = advance(self._memory, *rest, live, self._edges)
+            rows, count = advance(self._memory, *rest, live, self._edges, *self._scratch)
             done += rows
             for j, before in self._edges[:count]:
                 out.append(self._reporter.edge(j, JointState(int(before)), stamps[done - 1], ''))

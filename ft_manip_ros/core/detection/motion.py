@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any, Final
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from ft_manip_ros.core.compiled import kernel
 from ft_manip_ros.core.detection.states import Cause
 from ft_manip_ros.core.detection.tracking import command_at
 
@@ -24,7 +24,7 @@ _PROVED_SHARE: Final = 0.3  # of the commanded motion may be missing
 _REST_BEFORE_PROOF: Final = 0.2  # s
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def judge_motion(r: Any, s: Any, ring_t: Array, ring_c: Array, t: float, q: float) -> int:
     """Return QUIET or the `Cause` of a confirmed runaway at this accepted sample."""
     if r.ring_n == 0 or np.isnan(r.command):
@@ -60,7 +60,7 @@ def judge_motion(r: Any, s: Any, ring_t: Array, ring_c: Array, t: float, q: floa
     return QUIET
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _against(r: Any, ring_t: Array, ring_c: Array, t: float, q: float) -> int:
     """Tell whether the joint is far outside all commands of its lag span, and leaving them."""
     lo = hi = r.command
@@ -78,7 +78,7 @@ def _against(r: Any, ring_t: Array, ring_c: Array, t: float, q: float) -> int:
     return QUIET
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def follow_proof(r: Any, ring_t: Array, ring_c: Array, t: float, q: float) -> None:
     """End PROVING once the joint has followed a commanded motion from rest."""
     c = command_at(r, ring_t, ring_c, t - r.lag)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any, Final
 
-import numba
 import numpy as np
 
+from ft_manip_ros.core.compiled import kernel
 from ft_manip_ros.core.detection.states import Cause
 from ft_manip_ros.core.detection.tracking import noise_of
 
@@ -36,7 +36,7 @@ _FINE: Final = 2.0  # steps that noise spans on an encoder too fine to repeat it
 _LOG_IMPOSSIBLE: Final = -40.0  # log of a chance that never comes true
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def unwrap(r: Any, raw: float) -> float:
     """Position without the full-turn steps of an encoder that wraps."""
     if not r.wraps or not np.isfinite(raw):
@@ -51,7 +51,7 @@ def unwrap(r: Any, raw: float) -> float:
     return q
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def allowed_step(r: Any, dt: float) -> float:
     """Largest believable motion within ``dt`` (s)."""
     margin = _JUMP_MARGIN_PRISMATIC if r.prismatic else _JUMP_MARGIN_REVOLUTE
@@ -59,7 +59,7 @@ def allowed_step(r: Any, dt: float) -> float:
     return 1.5 * r.velocity_limit * dt + margin + 10.0 * noise_of(r) + 3.0 * quantum
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def judge_sample(r: Any, t: float, q: float) -> int:
     """Return BELIEVED, REPEATED_STAMP, NEW_POSITION, or the `Cause` that speaks against it."""
     if t <= r.t:
@@ -88,7 +88,7 @@ def judge_sample(r: Any, t: float, q: float) -> int:
     return _JUMP
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def note_bad(r: Any, t: float, cause: int) -> None:
     """Count an unbelievable sample."""
     if r.bad_run == 0 and r.good_run >= 0:
@@ -98,7 +98,7 @@ def note_bad(r: Any, t: float, cause: int) -> None:
     r.bad_cause = cause
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def note_good(r: Any, t: float) -> None:
     """Count a believable sample; enough of them end a sensor fault."""
     if r.bad_run == 0:
@@ -111,7 +111,7 @@ def note_good(r: Any, t: float) -> None:
         r.good_run = 0
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def repeats_unlike_itself(r: Any, t: float, raw: float, dead_s: float) -> bool:
     """Tell whether the channel repeats bit for bit although it always flickers at rest.
 

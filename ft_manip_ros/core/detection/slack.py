@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import Any
 
-import numba
+from ft_manip_ros.core.compiled import kernel
 
 _BANDS = 3.0  # half widths of stillness that count as nothing
 _WAY_BANDS = 4.0  # on the way a step of the encoder more is missing
@@ -36,7 +36,7 @@ _CATCH_TIME = 2.0  # s
 _SUSPECTED = 0.5  # level
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def load_of(r: Any, load: float, base: float, lasting: float) -> float:
     """Motion (rad or m) that a changing load may hide, to within the band.
 
@@ -56,7 +56,7 @@ def load_of(r: Any, load: float, base: float, lasting: float) -> float:
     return min(r.slack * lasting / _LOAD_TIME, most) + _LOAD_BANDS * base
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def threshold_of_start(
     r: Any, unproved_factor: float, load: float, base: float, lasting: float, swallowed: float
 ) -> float:
@@ -84,7 +84,7 @@ def threshold_of_start(
     return max(slack + _BANDS * base, load_of(r, load, base, lasting))
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def threshold_of_way(r: Any, load: float, base: float, lasting: float, swallowed: float) -> float:
     """Missing motion (rad or m) that locks a joint on its way; parameters as for the start."""
     slack = max(r.slack_least, _MARGIN * swallowed)
@@ -92,7 +92,7 @@ def threshold_of_way(r: Any, load: float, base: float, lasting: float, swallowed
     return max(slack + _WAY_BANDS * base, load_of(r, load, base, lasting))
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def swallowed_at_start(r: Any) -> float:
     """Motion (rad or m) that the joint really swallowed where it starts, turns or arrives.
 
@@ -101,7 +101,7 @@ def swallowed_at_start(r: Any) -> float:
     return max(r.swallow_start, _TURN * r.swallow_way)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def note_swallowed(r: Any, s: Any, load: float, base: float, t: float, q: float) -> None:
     """Remember what was missing as a window ends, until the joint is seen to have caught up.
 
@@ -132,7 +132,7 @@ def note_swallowed(r: Any, s: Any, load: float, base: float, t: float, q: float)
     r.catch_t = t
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def learn_swallowed(r: Any, t: float, q: float) -> bool:
     """Learn what the joint swallowed once it has caught up; True where that was a jerk."""
     if r.catch_missing <= 0.0:
@@ -150,7 +150,7 @@ def learn_swallowed(r: Any, t: float, q: float) -> bool:
     return bool(r.catch_level >= _SUSPECTED)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def fade_swallowed(r: Any, dt: float) -> None:
     """Forget slowly what was swallowed long ago."""
     fading = 1.0 - min(dt, 1.0) / _MEMORY

@@ -10,10 +10,10 @@ from __future__ import annotations
 
 from typing import Any
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from ft_manip_ros.core.compiled import kernel
 from ft_manip_ros.core.detection.lateness import (
     advance_cells,
     begin_cells,
@@ -37,7 +37,7 @@ _BEGUN = 0.1  # of the slack, at which the evidence begins
 _HIGH_EFFORT_SHARE = 0.7  # of the threshold is enough when the effort speaks too
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def lock_level(r: Any) -> float:
     """Evidence for a lock: 1 and above speaks for it once the confirm window has passed."""
     if r.still_n < 2 or r.threshold <= 0.0:
@@ -46,7 +46,7 @@ def lock_level(r: Any) -> float:
     return r.missing / (share * r.threshold)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def restart_window(r: Any, t: float, q: float, lag_prior: float) -> None:
     """Begin a new stillness window at this sample."""
     r.way = 1.0 if q > r.still_q else -1.0
@@ -80,14 +80,14 @@ def restart_window(r: Any, t: float, q: float, lag_prior: float) -> None:
         r.untrusted = True
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def least_band(r: Any, s: Any) -> float:
     """Half width inside which a joint stands still, before any commanded motion counts."""
     quantum = r.quantum if r.quantum < r.slack else 0.0
     return max(s.noise_factor * noise_of(r) + 1.2 * quantum, r.still_least)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _weigh(
     r: Any,
     s: Any,
@@ -137,7 +137,7 @@ def _weigh(
         r.still_q = r.late_mean
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def observe_stillness(
     r: Any,
     s: Any,
@@ -179,7 +179,7 @@ def observe_stillness(
     return False
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def effort_speaks(r: Any, s: Any, effort: float) -> None:
     """Note effort beyond everything seen in healthy motion; lowers the threshold once."""
     if np.isnan(effort) or r.effort_n < 200:
@@ -188,7 +188,7 @@ def effort_speaks(r: Any, s: Any, effort: float) -> None:
         r.high_effort = True
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def learn_effort(r: Any, effort: float, dt: float) -> None:
     """Learn the largest effort of healthy motion."""
     if np.isnan(effort):

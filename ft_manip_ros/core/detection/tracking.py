@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from ft_manip_ros.core.compiled import kernel
 from ft_manip_ros.core.detection.layout import RING
 
 Array = NDArray[np.float64]
@@ -25,7 +25,7 @@ _PACE_TIME = 0.1  # s over which a joint's way is compared with its command's
 _PACE_MARGIN = 0.3  # of its command's way
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def remember_command(r: Any, ring_t: Array, ring_c: Array, t: float, c: float) -> None:
     """Append the command ``c`` at time ``t`` to a joint's history; NaN ends it.
 
@@ -68,7 +68,7 @@ def remember_command(r: Any, ring_t: Array, ring_c: Array, t: float, c: float) -
         r.command_rest_since = t
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def command_at(r: Any, ring_t: Array, ring_c: Array, t: float) -> float:
     """Command at time ``t`` by linear interpolation; NaN before the history begins."""
     if r.ring_n == 0:
@@ -92,7 +92,7 @@ def command_at(r: Any, ring_t: Array, ring_c: Array, t: float) -> float:
     return np.nan
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def noise_of(r: Any) -> float:
     """Learned standard deviation of the position noise; 0 before any is learned."""
     if r.noise_n >= 30:
@@ -105,7 +105,7 @@ def noise_of(r: Any) -> float:
     return np.sqrt(variance) if variance < np.inf else 0.0
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def learn_noise(r: Any, t: float, q: float) -> None:
     """Learn quantum and noise from differences of consecutive healthy samples.
 
@@ -135,7 +135,7 @@ def learn_noise(r: Any, t: float, q: float) -> None:
         r.rough_var += (square - r.rough_var) / min(float(r.rough_n), _NOISE_MEMORY)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _watch_pace(r: Any, ring_t: Array, ring_c: Array, most: float, t: float, q: float) -> None:
     """Note whether the joint moves as its command did at some lag up to ``most`` (s).
 
@@ -162,7 +162,7 @@ def _watch_pace(r: Any, ring_t: Array, ring_c: Array, most: float, t: float, q: 
     r.pace_q = q
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _learn_envelope(
     r: Any, ring_t: Array, ring_c: Array, t: float, where: float, dt: float
 ) -> None:
@@ -184,7 +184,7 @@ def _learn_envelope(
     r.envelope = max(away, r.envelope * (1.0 - dt / _ENVELOPE_MEMORY))
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def learn_tracking(
     r: Any, ring_t: Array, ring_c: Array, mean: Array, var: Array, lags: Array, t: float, q: float
 ) -> None:
