@@ -42,8 +42,8 @@ _PATH_POINTS = 200
 
 def frozen_from_message(
     message: FaultState,
-) -> tuple[dict[str, float], dict[str, float], tuple[str, ...]]:
-    """Frozen positions and standard deviations by name, and which joints run away.
+) -> tuple[dict[str, float], dict[str, float], tuple[str, ...], tuple[str, ...]]:
+    """Frozen positions and standard deviations by name; joints that run away; untrusted ones.
 
     Raises
     ------
@@ -57,8 +57,11 @@ def frozen_from_message(
             f'{names} need one position each, {len(positions)} given, and no name twice',
         )
     sigma = {joint.name: float(joint.frozen_position_sigma) for joint in message.joints}
-    runaway = tuple(joint.name for joint in message.joints if joint.state == JointFault.RUNAWAY)
-    return dict(zip(names, positions, strict=True)), sigma, runaway
+    runaway, untrusted = (
+        tuple(joint.name for joint in message.joints if joint.state == state)
+        for state in (JointFault.RUNAWAY, JointFault.SENSOR)
+    )
+    return dict(zip(names, positions, strict=True)), sigma, runaway, untrusted
 
 
 def plan_to_message(plan: Plan, task: str, header: Header, start: int) -> RecoveryPlan:

@@ -158,12 +158,10 @@ class Replanner(ManagedNode):
 
     def _on_fault_state(self, message: FaultState) -> None:
         arrived = time.monotonic()
-        frozen, sigma, runaway = frozen_from_message(message)
-        decision = self._executive.on_fault_state(
-            nanoseconds(message.header.stamp), frozen, sigma, runaway
-        )
+        faults = frozen_from_message(message)
+        decision = self._executive.on_fault_state(nanoseconds(message.header.stamp), *faults)
         self._carry_out(decision, message.header, arrived)
-        self._describe_arm(frozen)
+        self._describe_arm(faults[0])
 
     def _stop_first(self, motion: Trajectory, start: int) -> None:
         """Stop the arm before a plan that has to look for ways among bodies."""

@@ -62,6 +62,7 @@ class Executive:
         self.frozen: dict[str, float] = {}
         self.sigma: dict[str, float] = {}
         self._runaway: tuple[str, ...] = ()
+        self._untrusted: tuple[str, ...] = ()
         self._clock = clock
         self._send_stop = send_stop
         self._states = MeasuredStates(chain, self.watching.velocity_window)
@@ -128,13 +129,16 @@ class Executive:
         frozen: Mapping[str, float],
         sigma: Mapping[str, float],
         runaway: tuple[str, ...] = (),
+        untrusted: tuple[str, ...] = (),
     ) -> Decision | None:
         """Take in which joints are frozen (positions and standard deviations) or run away.
 
         Plans anew when that changed while goals remain: a further failure during recovery, or a
         joint that was cleared. Returns None otherwise, and where the newest measured state is
         too old, or was measured while a joint was frozen that is not any more: the plan is then
-        made with the next one. While a joint runs away the plan is to stand still.
+        made with the next one. While a joint runs away the plan is to stand still; while the
+        readings of one are not believed (``untrusted``), goals that were missed are not tried
+        again: where the tool is, and where a plan would start from, is not known.
         """
         for name, value in frozen.items():
             self.chain.index(name)
@@ -142,6 +146,7 @@ class Executive:
                 raise InputError(f'frozen joint {name!r}', f'stands at {value}; must be finite')
         for name in runaway:
             self.chain.index(name)
+        self._untrusted = untrusted
         if dict(frozen) == self.frozen and runaway == self._runaway:
             return None
         new = {name: at for name, at in frozen.items() if name not in self.frozen}
@@ -181,7 +186,7 @@ class Executive:
     def _retry(self, stamp: int) -> Decision | None:
         """Plan again for goals whose time has long passed without the tool being there."""
         progress = self._progress
-        if progress is None or self._retries >= self.watching.retries:
+        if progress is None or self._untrusted or self._retries >= self.watching.retries:
             return None
         missed = progress.missed(stamp - round(self.watching.patience * SECOND))
         if not missed:

@@ -191,6 +191,19 @@ def test_runaway_joint_stops_everything():
     assert np.abs(story.arm.velocity).max() < 1e-3
 
 
+def test_no_goal_is_tried_again_from_readings_that_are_not_believed():
+    story = Story(Executive(ARM, watching=ExecutiveSettings(retries=2)), deaf=True)
+    story.obey(story.executive.on_task(TASK))
+    assert story.executive.on_fault_state(story.stamp, {}, {}, (), ('joint_2',)) is None
+    story.run(15.0)
+    assert len(story.decisions) == 1
+    # Believed again.
+    assert story.executive.on_fault_state(story.stamp, {}, {}) is None
+    story.run(1.0)
+    assert len(story.decisions) == 2
+    assert 'not met' in story.decisions[-1].cause
+
+
 def test_missed_goals_are_tried_again_but_not_for_ever():
     story = Story(Executive(ARM, watching=ExecutiveSettings(retries=2)), deaf=True)
     story.obey(story.executive.on_task(TASK))
