@@ -172,7 +172,7 @@ class FaultMonitor:
         """
         count = len(stamps)
         values, present = sample_table(self._place, names, positions, velocities, efforts)
-        times = np.array([self._time(stamp) for stamp in stamps.tolist()])
+        times = self._times(stamps)
         # Where stamps go back the commands may be forgotten on the way, and where references are
         # streamed they change from sample to sample: one by one, then.
         steady = bool(times[0] > self._memory.arm['now'][0] and (np.diff(times) > 0.0).all())
@@ -335,6 +335,11 @@ class FaultMonitor:
         if self._epoch is None:
             self._epoch = stamp
         return (stamp - self._epoch) * 1e-9 + _ORIGIN
+
+    def _times(self, stamps: NDArray[np.int64]) -> Array:
+        if self._epoch is None:
+            self._epoch = int(stamps[0])
+        return np.asarray((stamps - self._epoch) * 1e-9 + _ORIGIN, dtype=np.float64)
 
     def _stamp_of(self, t: float) -> int:
         return 0 if t <= 0.0 or self._epoch is None else self._epoch + round((t - _ORIGIN) * 1e9)
