@@ -15,7 +15,8 @@ from ft_manip_ros.core.ftws.effort import (
     make_work,
     start_stream,
 )
-from ft_manip_ros.core.ftws.judge import cover, lose
+from ft_manip_ros.core.ftws.judge import cover
+from ft_manip_ros.core.ftws.lost import lose
 from ft_manip_ros.core.ftws.reach import farthest_miss
 from ft_manip_ros.core.ftws.task_map import TaskArrays
 

@@ -16,6 +16,7 @@ MEMBER, UNDECIDED, NON_MEMBER = 1, 0, -1
 
 _GAPS = 256
 _BOXES = 1024
+_HARD = 4
 
 
 class Effort(NamedTuple):
@@ -45,6 +46,7 @@ class Work(NamedTuple):
     is_free: NDArray[np.bool_]  # (n,)
     frozen_half: Array  # (n,)
     boxes: Array  # (2, S, n)
+    hard: Array  # (H, 3), frozen positions where postures were hardest to find
     state: NDArray[np.uint64]  # (1,)
 
 
@@ -61,6 +63,7 @@ def make_work(n: int, m: int, k: int, oriented: bool) -> Work:
         np.zeros(n, dtype=np.bool_),
         np.zeros(n),
         np.zeros((2, _BOXES, n)),
+        np.zeros((_HARD, 3)),
         np.zeros(1, dtype=np.uint64),
     )
 

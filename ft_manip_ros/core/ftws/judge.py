@@ -10,7 +10,7 @@ from ft_manip_ros.core.compiled import kernel
 from ft_manip_ros.core.ftws.cover import certify_at, record, sweep
 from ft_manip_ros.core.ftws.effort import MEMBER, NON_MEMBER, UNDECIDED, Effort, Work, freeze
 from ft_manip_ros.core.ftws.refute import refute
-from ft_manip_ros.core.ftws.search import find_lost, find_posture
+from ft_manip_ros.core.ftws.search import find_posture
 from ft_manip_ros.core.ftws.task_map import TaskArrays
 
 # Failed refutations of one combination before it is left undecided.
@@ -20,53 +20,6 @@ _GUESS = 0.1
 # A sweep ends where pieces get smaller than this share of the interval in hand: another
 # posture, of the self-motion's other side, often goes on with large ones.
 _SMALL_PIECE = 0.004
-
-
-@kernel
-def lose(
-    chain: ChainArrays,
-    task: TaskArrays,
-    goal: Array,
-    combos: NDArray[np.int64],
-    ranges: Array,
-    effort: Effort,
-    witness: Array,
-    w: Work,
-) -> tuple[int, int, float]:
-    """Try to refute the goal at the worst of a few frozen positions, before any covering.
-
-    Parameters
-    ----------
-    witness : shape (k,), out
-        Frozen positions of the refutation, or of the worst residual.
-
-    Returns
-    -------
-    outcome : int
-        NON_MEMBER when refuted; MEMBER when nothing was found, which says nothing.
-    combination : int
-    distance : float
-        Proved distance (m), or the worst residual.
-    """
-    s = w.scratch
-    at, residual = find_lost(chain, task, goal, combos, ranges, effort, w)
-    if at < 0:
-        return MEMBER, at, 0.0
-    freeze(combos[at], w.is_free)
-    for j in range(combos.shape[1]):
-        witness[j] = w.chosen[combos[at, j]]
-    enough = effort.tolerance + effort.radius
-    if residual > enough:
-        outcome, distance, _ = refute(
-            chain, task, goal, w.chosen, w.is_free, w.frozen_half, enough, residual,
-            effort.tolerance, effort.boxes, w.boxes, s,
-        )  # fmt: skip
-        if outcome == 1:
-            return NON_MEMBER, at, distance
-        if outcome == -1:
-            return MEMBER, -1, 0.0
-        residual = distance
-    return MEMBER, at, residual
 
 
 @kernel

@@ -100,6 +100,7 @@ def lower_bound(
     model: LocalModel,
     spare: Array,
     share: Array,
+    target: float,
 ) -> tuple[float, float]:
     """Proved lower bound of the residual over a box, and the residual at its centre (m).
 
@@ -113,7 +114,10 @@ def lower_bound(
     spare : shape (2, 6)
         Scratch.
     share : shape (n,), out
-        What each joint costs the bound: the largest is the one to split.
+        What each joint costs the bound: the largest is the one to split. Unfinished where the
+        bound is above the target.
+    target : float
+        A bound above this (m) is good enough.
     """
     n = centre.shape[0]
     position_rows, orientation_rows = task.position_rows, task.orientation_rows
@@ -149,11 +153,16 @@ def lower_bound(
             u[3 + a] += value * orientation_rows[row, a]
     norm = math.sqrt(total)
     length = task.length if mo > 0 else 0.0
-    third = third_order_bound(chain, distance, length, half) / 6.0
     crude = crude_bound(chain, distance, length, half)
+    rounding = ABSOLUTE_ROUNDING * (1.0 + task.length)
+    enough = (target + rounding) * (1.0 + 2e-9)  # still above the target when rounded down
     best = norm - crude
+    if best > enough:
+        return best * (1.0 - 1e-9) - rounding, norm
+    third = third_order_bound(chain, distance, length, half) / 6.0
     for a in range(6):
         turned[a] = u[a]  # now the residual itself
+    bent = 0.0
     for attempt in range(2):
         if attempt == 0:
             scale = 1.0 / norm if norm > 0.0 else 0.0
@@ -176,15 +185,18 @@ def lower_bound(
             u[3 + a] *= length
         value -= _along(chain, task, u, half, model, share) + third
         if spin >= 0:
-            value -= circle_correction(chain, spin, half, model, u, radius, crude)
+            bent = circle_correction(chain, spin, half, model, u, radius, crude)
+            value -= bent
         best = max(best, value)
+        if best > enough:
+            break
     total = 0.0
     for k in range(n):
         total += half[k] * (1.0 if prismatic[k] else distance[k])
     for k in range(n):
         weight = 1.0 if prismatic[k] else distance[k]
-        share[k] += third * weight * half[k] / total if total > 0.0 else half[k]
-    return best * (1.0 - 1e-9) - ABSOLUTE_ROUNDING * (1.0 + task.length), norm
+        share[k] += (third + bent) * weight * half[k] / total if total > 0.0 else half[k]
+    return best * (1.0 - 1e-9) - rounding, norm
 
 
 @kernel

@@ -20,6 +20,21 @@ from ft_manip_ros.core.ftws.taylor import Scratch
 _PROVED_SHARE = 0.1
 # Half-width that stands for a whole turn of the spin joint, minimised in closed form.
 _ANY = -1.0
+# Boxes wider than this (half, rad) are not worth a bound: the rest of the series outweighs it.
+_HOPELESS = 1.0
+
+
+@kernel
+def _halve(stack: Array, top: int, centre: Array, half: Array, side: int) -> int:
+    """Push both halves of a box, cut across one side; returns the new top."""
+    half[side] *= 0.5
+    for sign in (-1.0, 1.0):
+        for i in range(centre.shape[0]):
+            stack[0, top, i] = centre[i]
+            stack[1, top, i] = half[i]
+        stack[0, top, side] += sign * half[side]
+        top += 1
+    return top
 
 
 @kernel
@@ -63,7 +78,7 @@ def refute(
     """
     n = q.shape[0]
     model, weights, gram, trial = s.model, s.weights, s.gram, s.trial
-    wraps, lower, upper = chain.wraps, chain.lower, chain.upper
+    wraps, lower, upper, prismatic = chain.wraps, chain.lower, chain.upper, chain.prismatic
     if best <= enough:
         return (-1 if best <= tolerance else 0), best, 0
     spin = spin_joint(chain, task, is_free)
@@ -94,16 +109,22 @@ def refute(
             return 0, best, boxes
         top -= 1
         boxes += 1
+        widest = 0
         for i in range(n):
             centre[i] = stack[0, top, i]
             half[i] = stack[1, top, i]
+            if half[i] > half[widest] and not prismatic[i]:
+                widest = i
+        if half[widest] > _HOPELESS and not prismatic[widest]:
+            top = _halve(stack, top, centre, half, widest)
+            continue
         round_axis = spin if spin >= 0 and half[spin] == _ANY else -1
         if round_axis >= 0:
             half[spin] = 0.0
         target = enough + _PROVED_SHARE * (best - enough)
         bound, norm = lower_bound(
             chain, task, goal, round_axis, centre, half,
-            aim_round if round_axis >= 0 else aim, model, spare, share,
+            aim_round if round_axis >= 0 else aim, model, spare, share, target,
         )  # fmt: skip
         if bound > target:
             proved = min(proved, bound)
@@ -143,13 +164,7 @@ def refute(
                 worst = i
         if half[worst] < 1e-9:
             return 0, best, boxes
-        half[worst] *= 0.5
         if round_axis >= 0:
             half[spin] = _ANY
-        for sign in (-1.0, 1.0):
-            for i in range(n):
-                stack[0, top, i] = centre[i]
-                stack[1, top, i] = half[i]
-            stack[0, top, worst] += sign * half[worst]
-            top += 1
+        top = _halve(stack, top, centre, half, worst)
     return 1, proved, boxes

@@ -1,4 +1,4 @@
-"""Compiled searches before the proofs: a posture to cover from, an angle to refute at."""
+"""Compiled search of a posture to cover from."""
 
 from __future__ import annotations
 
@@ -10,16 +10,12 @@ from numpy.typing import NDArray
 from ft_manip_ros.core.chain import Array, ChainArrays
 from ft_manip_ros.core.compiled import kernel
 from ft_manip_ros.core.ftws.cover import certify_at
-from ft_manip_ros.core.ftws.effort import Effort, Work, copy, freeze
+from ft_manip_ros.core.ftws.effort import Effort, Work, copy
 from ft_manip_ros.core.ftws.posture import descend, randomise
 from ft_manip_ros.core.ftws.task_map import TaskArrays
 
 # A first posture that is certified this far to each side (rad or m) needs no second.
 _WIDE = 0.05
-# Frozen positions tried per joint before anything is covered, ends included: order 1, others.
-_PROBES, _PROBES_EACH = 9, 3
-# Starts at the other positions once one is lost: the worst is wanted, not a proof.
-_WORSE_STARTS = 4
 
 
 @kernel
@@ -66,67 +62,3 @@ def find_posture(
                 if certified >= 2 or h > _WIDE:
                     break
     return widest, best
-
-
-@kernel
-def find_lost(
-    chain: ChainArrays,
-    task: TaskArrays,
-    goal: Array,
-    combos: NDArray[np.int64],
-    ranges: Array,
-    effort: Effort,
-    w: Work,
-) -> tuple[int, float]:
-    """Look on a grid of frozen positions for one where no posture is found.
-
-    Parameters
-    ----------
-    combos : shape (C, k)
-    ranges : shape (2, n)
-        Where joints can freeze.
-
-    Returns
-    -------
-    combination : int
-        -1 where a posture was found everywhere. ``w.chosen`` is left at the nearest posture with
-        its joints frozen at the worst of its positions.
-    residual : float
-        The smallest residual found there (m).
-    """
-    q, nearest, is_free, s = w.q, w.scratch.kept[0], w.is_free, w.scratch
-    count, k = combos.shape
-    each = _PROBES if k == 1 else _PROBES_EACH
-    enough = effort.tolerance + effort.radius
-    worst, at = 0.0, -1
-    for c in range(count):
-        freeze(combos[c], is_free)
-        randomise(chain, q, is_free, w.state)
-        for probe in range(each**k):
-            rest = probe
-            for j in range(k):
-                joint = combos[c, j]
-                share = (rest % each) / (each - 1)
-                rest //= each
-                q[joint] = ranges[0, joint] + share * (ranges[1, joint] - ranges[0, joint])
-            best = math.inf
-            starts = effort.restarts if worst == 0.0 else min(_WORSE_STARTS, effort.restarts)
-            for start in range(starts + 1):
-                if start > 0:
-                    randomise(chain, q, is_free, w.state)
-                residual = descend(
-                    chain, task, goal, q, is_free, s.model, s.weights, s.gram, s.trial,
-                    0.1 * effort.tolerance,
-                )  # fmt: skip
-                if residual < best:
-                    best = residual
-                    copy(q, nearest)
-                if best <= max(worst, effort.tolerance):
-                    break
-            copy(nearest, q)
-            if best > max(worst, effort.tolerance):
-                worst, at = best, c
-                copy(nearest, w.chosen)
-        if worst > 2.0 * enough:
-            break
-    return at, worst

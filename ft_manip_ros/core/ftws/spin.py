@@ -64,7 +64,10 @@ def unroll(aim: Array, spin: int, model: LocalModel, radius: float, u: Array) ->
 def _spread(
     chain: ChainArrays, spin: int, half: Array, model: LocalModel, radius: float, crude: float
 ) -> tuple[float, float]:
-    """How near to the spin axis the tool comes over a box, and how far it goes round (m)."""
+    """How near to the spin axis the tool comes over a box, and how far it goes round (m).
+
+    Both along the centre's own directions: the first is negative beyond the axis.
+    """
     prismatic, axes, linear, origins, tip = (
         chain.prismatic,
         model.axes,
@@ -108,7 +111,8 @@ def circle_correction(
 
     The distance to the goal circle depends on the tool's radius about the axis, which is convex
     in the tool's position: the projection bounds it from below. Where the tool is nearer to the
-    axis than the goal an upper bound is needed: ``sqrt(a^2 + b^2) <= a + b^2 / (2 a)``.
+    axis than the goal an upper bound is needed: of ``sqrt(a^2 + b^2) - a``, which is largest where
+    a, its part outwards, is smallest and b, the one sideways, is largest.
     """
     axes, origins, tip = model.axes, model.origins, model.tip
     along = outward = 0.0
@@ -120,9 +124,7 @@ def circle_correction(
     if outward >= 0.0:
         return 0.0
     nearest, sideways = _spread(chain, spin, half, model, radius, crude)
-    if nearest <= 0.0:
-        return math.inf
-    return -outward * sideways * sideways / (2.0 * nearest)
+    return -outward * (math.sqrt(nearest * nearest + sideways * sideways) - nearest)
 
 
 @kernel
