@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ft_manip_ros.core.chain import SerialChain
+from ft_manip_ros.core.detection.allocation import allocate
 from ft_manip_ros.core.detection.command_intake import CommandIntake
 from ft_manip_ros.core.detection.commands import TrajectoryPoint
 from ft_manip_ros.core.detection.kernel import advance, forget_windows
-from ft_manip_ros.core.detection.layout import NO_TIME, allocate
+from ft_manip_ros.core.detection.layout import NO_TIME
 from ft_manip_ros.core.detection.machine import freeze, release
 from ft_manip_ros.core.detection.plausibility import RANGE_MARGIN
 from ft_manip_ros.core.detection.reporting import Reporter

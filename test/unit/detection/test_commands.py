@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from scipy.interpolate import BPoly
 
-from ft_manip_ros.core.detection.commands import CommandBook, hermite, point_table
+from ft_manip_ros.core.detection.commands import CommandBook, point_table
 from ft_manip_ros.core.detection.feed import MonitorFeed
 from ft_manip_ros.core.detection.monitor import FaultMonitor
+from ft_manip_ros.core.detection.spline import hermite
 from ft_manip_ros.core.errors import InputError
 
 ALL = np.arange(2)
