@@ -5,8 +5,9 @@ python examples/watch_faults.py
 """
 
 import rclpy
-from rclpy.executors import ExternalShutdownException
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
 
 from ft_manip_interfaces.msg import FaultState, RecoveryPlan
 from ft_manip_ros.nodes import topics
@@ -40,15 +41,20 @@ class FaultWatcher(Node):
 
 def main() -> None:
     """Watch until Ctrl-C."""
-    rclpy.init()
+    # With rclpy's own handlers, Ctrl-C also shuts the context down from another thread, under the
+    # feet of what is cleaned up here.
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     node = FaultWatcher()
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
     try:
-        rclpy.spin(node)
-    except (KeyboardInterrupt, ExternalShutdownException):
+        while True:
+            executor.spin_once(timeout_sec=0.2)
+    except KeyboardInterrupt:
         pass
     finally:
         node.destroy_node()
-        rclpy.try_shutdown()
+        rclpy.shutdown()
 
 
 if __name__ == '__main__':

@@ -23,4 +23,4 @@ def test_the_watcher_tells_of_a_joint_that_an_operator_froze(start_node, start_p
     watcher.wait_for(r'joint_2 is frozen at 0.2500')
     watcher.wait_for('it smokes')
     # The interpreter takes its time to end on a busy machine.
-    assert watcher.stop(timeout=30.0) == 0
+    assert watcher.stop(timeout=30.0) == 0, watcher.output
