@@ -106,6 +106,7 @@ def _ask(rows: list[list[float]], arguments: argparse.Namespace) -> QueryFtws.Re
     import rclpy
     from geometry_msgs.msg import Point, Pose, Quaternion
     from rclpy.executors import SingleThreadedExecutor
+    from rclpy.signals import SignalHandlerOptions
 
     from ft_manip_interfaces.srv import QueryFtws
     from ft_manip_ros.nodes.managed_node import NOT_ACTIVE
@@ -128,7 +129,8 @@ def _ask(rows: list[list[float]], arguments: argparse.Namespace) -> QueryFtws.Re
         intervals=True,
     )
     name = f'{arguments.namespace.rstrip("/")}/{QUERY_FTWS}' if arguments.namespace else QUERY_FTWS
-    rclpy.init()
+    # Ctrl-C is ours: rclpy's handler would shut the context down while it is cleaned up here.
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     node = rclpy.create_node('ftmanip_query', enable_rosout=False)
     executor = SingleThreadedExecutor()
     executor.add_node(node)
