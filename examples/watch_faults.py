@@ -4,6 +4,9 @@ ros2 run ft_manip_ros fault_monitor &
 python examples/watch_faults.py
 """
 
+import signal
+import threading
+
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -40,21 +43,20 @@ class FaultWatcher(Node):
 
 
 def main() -> None:
-    """Watch until Ctrl-C."""
-    # With rclpy's own handlers, Ctrl-C also shuts the context down from another thread, under the
-    # feet of what is cleaned up here.
+    """Watch until Ctrl-C or SIGTERM."""
+    # rclpy's own handlers shut the context down from another thread, under the feet of what is
+    # cleaned up here.
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    stop = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stop.set())
     node = FaultWatcher()
     executor = SingleThreadedExecutor()
     executor.add_node(node)
-    try:
-        while True:
-            executor.spin_once(timeout_sec=0.2)
-    except KeyboardInterrupt:
-        pass
-    finally:
-        node.destroy_node()
-        rclpy.shutdown()
+    while not stop.is_set():
+        executor.spin_once(timeout_sec=0.2)
+    node.destroy_node()
+    rclpy.shutdown()
 
 
 if __name__ == '__main__':
