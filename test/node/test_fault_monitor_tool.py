@@ -26,7 +26,7 @@ def test_a_stuck_encoder_is_told_from_a_lock_by_the_tool(start_node, probe):
         monitor={'tool_pose_topic': topics.TOOL_POSE},
     )
     diagnostics = probe.listen(DiagnosticArray, topics.DIAGNOSTICS, topics.COMMAND_QOS)
-    # Poses in another frame and without numbers are complained of, and do no harm.
+    # A pose in another frame is complained of, and does no harm.
     poses = probe.publisher(PoseStamped, topics.TOOL_POSE, topics.SENSOR_QOS)
     foreign = PoseStamped()
     foreign.header.frame_id = 'camera'
