@@ -12,7 +12,7 @@ from ft_manip_ros.bags import replay_faults, replay_plans, replay_verdicts
 from ft_manip_ros.bags.findings import Difference, Finding, Tolerance, compare, digest
 from ft_manip_ros.bags.joint_blocks import is_joint_state, joint_runs
 from ft_manip_ros.bags.reader import Bag
-from ft_manip_ros.bags.replay_faults import FaultReplay
+from ft_manip_ros.bags.replay_faults import FaultReplay, missed_joint_states
 from ft_manip_ros.bags.replay_plans import PlanReplay
 from ft_manip_ros.bags.replay_setup import ReplaySetup
 from ft_manip_ros.bags.replay_verdicts import VerdictReplay
@@ -140,14 +140,20 @@ def replay(
     replayed = _ordered(f for part in parts for f in part.replayed)
     late = [f for f in replayed if f.stamp > bag.end - _LAST]
     tolerance = _OVERRIDDEN if overrides else dataclasses.replace(_TOLERANCE, exact=exact)
+    differences = tuple(
+        difference
+        for difference in compare(recorded, replayed, tolerance)
+        if difference.recorded is not None or difference.replayed not in late
+    )
+    if differences and not overrides and (missed := missed_joint_states(bag)):
+        notes.append(
+            f'{missed} joint states of the bag never reached the recorded fault monitor, which '
+            'may have said some things later, or not at all'
+        )
     return ReplayResult(
         recorded,
         replayed,
-        tuple(
-            difference
-            for difference in compare(recorded, replayed, tolerance)
-            if difference.recorded is not None or difference.replayed not in late
-        ),
+        differences,
         digest(replayed),
         messages,
         refused,

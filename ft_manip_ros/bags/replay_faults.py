@@ -8,9 +8,9 @@ from typing import Any
 
 from ft_manip_ros.bags.findings import Finding
 from ft_manip_ros.bags.joint_blocks import JointBlock
-from ft_manip_ros.bags.reader import BagMessage
+from ft_manip_ros.bags.reader import Bag, BagMessage
 from ft_manip_ros.bags.replay_setup import ReplaySetup
-from ft_manip_ros.core.detection.feed import MonitorFeed
+from ft_manip_ros.core.detection.feed import MISSED, MonitorFeed
 from ft_manip_ros.core.detection.monitor import FaultMonitor
 from ft_manip_ros.core.detection.settings import MonitorSettings
 from ft_manip_ros.core.detection.states import Edge, JointState
@@ -185,6 +185,26 @@ class FaultReplay:
                         report.frozen_position,
                     )
                 )
+
+
+def missed_joint_states(bag: Bag) -> int:
+    """How many joint states the recorded monitor never got, by its diagnostics."""
+    counts = []
+    topic = '/diagnostics'
+    for record in bag.messages((topic,)) if topic in bag.topics else ():
+        try:
+            statuses = bag.decode(record).status
+        except InputError:
+            continue
+        counts += [
+            int(pair.value)
+            for status in statuses
+            if status.name == f'{NODE}: {NODE}'
+            for pair in status.values
+            if pair.key == MISSED and pair.value.isdecimal()
+        ]
+    # What was lost before the recording began is of no matter here.
+    return max(counts, default=0) - min(counts, default=0)
 
 
 def _state(number: int) -> JointState:

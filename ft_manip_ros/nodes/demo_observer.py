@@ -67,7 +67,7 @@ class Observer(ManagedNode):
         """Subscribe to all that the story is about."""
         # Stamps tell when which point was reached: a late sample counts, a lost one is missed.
         self.subscribe(
-            JointState, topics.JOINT_STATES, lambda m: self.states.append(m), topics.REPLAY_QOS
+            JointState, topics.JOINT_STATES, lambda m: self.states.append(m), topics.EVIDENCE_QOS
         )
         for message_type, topic, name, qos in (
             (JointTrajectory, topics.JOINT_TRAJECTORY, 'trajectories', topics.COMMAND_QOS),

@@ -20,7 +20,7 @@ from visualization_msgs.msg import MarkerArray
 from ft_manip_interfaces.msg import FaultState, JointFault, RecoveryPlan
 from ft_manip_interfaces.srv import ClearFault, FreezeJoint
 from ft_manip_ros.core.arm_file import load_arm
-from ft_manip_ros.core.detection.feed import MonitorFeed
+from ft_manip_ros.core.detection.feed import MISSED, MonitorFeed
 from ft_manip_ros.core.detection.mimics import MimicWatch, mimics_of
 from ft_manip_ros.core.detection.monitor import FaultMonitor
 from ft_manip_ros.core.detection.settings import MonitorSettings
@@ -39,6 +39,7 @@ from ft_manip_ros.nodes.fault_messages import (
     state_message,
 )
 from ft_manip_ros.nodes.fault_parameters import PARAMETERS
+from ft_manip_ros.nodes.loss_count import LossCount
 from ft_manip_ros.nodes.managed_node import ManagedNode
 from ft_manip_ros.nodes.process import run
 
@@ -91,13 +92,14 @@ class FaultMonitorNode(ManagedNode):
         self._diagnostics = self.create_publisher(
             DiagnosticArray, topics.DIAGNOSTICS, topics.COMMAND_QOS
         )
-        replayed = self.get_parameter('use_sim_time').value
+        self._losses = LossCount()
         self.subscribe(
             JointStateMessage,
             topics.JOINT_STATES,
             self._on_joint_state,
-            topics.REPLAY_QOS if replayed else topics.SENSOR_QOS,
+            topics.EVIDENCE_QOS,
             timed=True,
+            losses=self._losses,
         )
         self.subscribe(
             JointTrajectory,
@@ -114,11 +116,11 @@ class FaultMonitorNode(ManagedNode):
                 JointStateMessage,
                 self.param('reference_topic'),
                 self._on_reference,
-                topics.SENSOR_QOS,
+                topics.EVIDENCE_QOS,
                 timed=True,
             )
         if tool:
-            self.subscribe(PoseStamped, tool, self._on_tool_pose, topics.SENSOR_QOS, timed=True)
+            self.subscribe(PoseStamped, tool, self._on_tool_pose, topics.EVIDENCE_QOS, timed=True)
         self._subscribe_controller_state(self.param('controller_state_topic'))
         self.serve(FreezeJoint, topics.FREEZE_JOINT, self._on_freeze)
         self.serve(ClearFault, topics.CLEAR_FAULT, self._on_clear)
@@ -158,7 +160,7 @@ class FaultMonitorNode(ManagedNode):
             messages.JointTrajectoryControllerState,
             topic,
             self._on_controller_state,
-            topics.SENSOR_QOS,
+            topics.EVIDENCE_QOS,
             timed=True,
         )
 
@@ -307,8 +309,9 @@ class FaultMonitorNode(ManagedNode):
             summary.level, summary.message = DiagnosticStatus.WARN, _BLIND
         else:
             summary.message = 'watching'
+        summary.values = [KeyValue(key=MISSED, value=str(self._losses.lost))]
         if self._monitor.tool is not None:
-            summary.values = [KeyValue(key='tool', value=self._monitor.tool.text)]
+            summary.values.append(KeyValue(key='tool', value=self._monitor.tool.text))
         self._diagnostics.publish(
             diagnostics_message(
                 reports,

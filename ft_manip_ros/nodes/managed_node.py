@@ -18,6 +18,7 @@ from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 
 from ft_manip_ros.core.errors import InputError
+from ft_manip_ros.nodes.loss_count import LossCount
 from ft_manip_ros.nodes.parameters import AUTOSTART, ParameterSpec, declare, read
 from ft_manip_ros.nodes.topics import SERVICE_EVENT_QOS
 
@@ -101,14 +102,19 @@ class ManagedNode(LifecycleNode):
         qos: QoSProfile,
         *,
         timed: bool = False,
+        losses: LossCount | None = None,
     ) -> Subscription:
         """Subscribe; messages are ignored while inactive, and bad ones logged.
 
         A ``timed`` callback is also told when the message came in (ns, of the node's clock), which
-        may be long before it is called on a busy machine.
+        may be long before it is called on a busy machine. ``losses`` counts those that never came.
         """
 
         def guarded(message: Any, info: dict[str, Any]) -> None:
+            if losses is not None:
+                losses.note(
+                    info.get('publication_sequence_number'), subscription.get_publisher_count()
+                )
             if not self.active:
                 return
             try:
@@ -116,7 +122,8 @@ class ManagedNode(LifecycleNode):
             except InputError as error:
                 self.complain(topic, f'{topic}: message ignored: {error}')
 
-        return self.create_subscription(message_type, topic, guarded, qos)
+        subscription = self.create_subscription(message_type, topic, guarded, qos)
+        return subscription
 
     def _arrival_of(self, info: dict[str, Any]) -> int:
         """Time (ns) of the node's clock at which a message was received."""

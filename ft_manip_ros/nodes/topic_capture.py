@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from rclpy.callback_groups import CallbackGroup
@@ -22,6 +22,7 @@ from ft_manip_ros.bags.definitions import split_type_name
 from ft_manip_ros.bags.qos import QosProfile
 from ft_manip_ros.bags.recording import Recorded
 from ft_manip_ros.core.errors import InputError
+from ft_manip_ros.nodes.loss_count import LossCount
 
 # Deep enough for a burst of a kHz topic between two polls.
 _DEPTH = 2000
@@ -50,7 +51,7 @@ class _Captured:
     subscription: Subscription
     reliable: bool
     latched: bool
-    next_sequence: int | None = None
+    losses: LossCount = field(default_factory=LossCount)
 
 
 def message_class(type_name: str) -> Any:
@@ -104,7 +105,13 @@ class TopicCapture:
         self._clock = clock
         self._group = PolledGroup()
         self._captured: dict[tuple[str, str], _Captured] = {}
-        self.lost = 0
+        self._lost_before = 0
+
+    @property
+    def lost(self) -> int:
+        """Messages that the middleware lost before they came here."""
+        now = sum(captured.losses.lost for captured in self._captured.values())
+        return self._lost_before + now
 
     @property
     def topics(self) -> list[str]:
@@ -138,7 +145,9 @@ class TopicCapture:
                     if taken is None:
                         break
                     data, info = taken
-                    self._count_gap(captured, info['publication_sequence_number'])
+                    captured.losses.note(
+                        info['publication_sequence_number'], subscription.get_publisher_count()
+                    )
                     arrived = now or info['received_timestamp'] or info['source_timestamp']
                     batch.append(
                         Recorded(topic, type_name, arrived, info['source_timestamp'], data)
@@ -148,9 +157,8 @@ class TopicCapture:
 
     def close(self) -> None:
         """Unsubscribe from everything."""
-        for captured in self._captured.values():
-            self._node.destroy_subscription(captured.subscription)
-        self._captured.clear()
+        for key in list(self._captured):
+            self._let_go(key)
 
     def _adapt(self, topic: str, type_name: str, offered: list[QoSProfile]) -> None:
         reliable = all(q.reliability == ReliabilityPolicy.RELIABLE for q in offered)
@@ -160,8 +168,7 @@ class TopicCapture:
         if captured is not None:
             if captured.reliable <= reliable and captured.latched <= latched:
                 return
-            self._node.destroy_subscription(captured.subscription)
-            del self._captured[topic, type_name]
+            self._let_go((topic, type_name))
         self._drop_other_types(topic, type_name)
         try:
             self._announce(topic, type_name, tuple(_profile(qos) for qos in offered))
@@ -187,17 +194,12 @@ class TopicCapture:
             if name == topic and other != type_name:
                 captured = self._captured[name, other]
                 if captured.subscription.get_publisher_count() == 0:
-                    self._node.destroy_subscription(captured.subscription)
-                    del self._captured[name, other]
+                    self._let_go((name, other))
 
-    def _count_gap(self, captured: _Captured, sequence: int | None) -> None:
-        """Count messages that the middleware lost before they came here."""
-        if sequence is None or captured.subscription.get_publisher_count() != 1:
-            captured.next_sequence = None
-            return
-        if captured.next_sequence is not None and sequence > captured.next_sequence:
-            self.lost += sequence - captured.next_sequence
-        captured.next_sequence = sequence + 1
+    def _let_go(self, key: tuple[str, str]) -> None:
+        captured = self._captured.pop(key)
+        self._lost_before += captured.losses.lost
+        self._node.destroy_subscription(captured.subscription)
 
 
 def _never_called(message: bytes) -> None:

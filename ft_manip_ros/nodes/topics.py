@@ -33,12 +33,11 @@ def latched(depth: int = 1) -> QoSProfile:
     )
 
 
-# Best effort: a late sample of a joint is worth nothing.
+# Best effort: for what acts on the latest sample, a late one is worth nothing.
 SENSOR_QOS: Final = qos_profile_sensor_data
-# On recorded time, and for a story told afterwards, a late sample is worth as much as any, and a
-# lost one is lost evidence: room for a machine that stutters. Not where commands without a stamp
-# are timed by the wall clock.
-REPLAY_QOS: Final = QoSProfile(
+# For what judges by stamps a late sample is worth as much as any, and a lost one is lost evidence:
+# room for a machine that stutters.
+EVIDENCE_QOS: Final = QoSProfile(
     history=HistoryPolicy.KEEP_LAST,
     depth=500,
     reliability=ReliabilityPolicy.BEST_EFFORT,

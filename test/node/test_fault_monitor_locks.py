@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import signal
 
 import numpy as np
 import pytest
@@ -99,6 +101,28 @@ def test_no_alarm_without_a_failure_and_a_lock_found_all_the_same(start_node, pr
     scene.await_frozen(['joint_2'], 'the lock')
 
 
+def test_what_waited_while_the_node_stood_still_is_evidence_all_the_same(start_node, probe):
+    scene = Scene(start_node, probe)
+    scene.move([0.3] * 5)
+    probe.spin_for(2.5)
+    scene.move([-0.3] * 5)
+    probe.spin_for(0.7)
+    os.kill(scene.node.pid, signal.SIGSTOP)
+    try:
+        answer = scene.inject('joint_2', InjectFault.Request.LOCK)
+        probe.spin_for(1.0)
+    finally:
+        os.kill(scene.node.pid, signal.SIGCONT)
+    scene.await_frozen(['joint_2'], 'the lock')
+    (lock,) = probe.until(
+        lambda: [event for event in scene.events if event.state == JointFault.LOCKED],
+        10.0,
+        'the event',
+    )
+    # Judged by samples of the time when it stood still, not by those that came afterwards.
+    assert 0.0 < seconds(lock.stamp) - seconds(answer.stamp) < 0.6
+
+
 def test_a_lock_at_rest_is_found_when_the_joint_is_commanded(start_node, probe):
     scene = Scene(start_node, probe)
     scene.move([0.3] * 5)
@@ -161,6 +185,8 @@ def test_faults_survive_a_restart_and_are_shown(start_node, probe, tmp_path):
     assert set(status) == {f'fault_monitor: {name}' for name in ['fault_monitor', *NAMES]}
     assert status['fault_monitor: joint_3'].level == DiagnosticStatus.ERROR
     assert status['fault_monitor: joint_1'].level == DiagnosticStatus.STALE
+    summary = {pair.key: pair.value for pair in status['fault_monitor: fault_monitor'].values}
+    assert summary == {'missed joint states': '0'}
     assert {entry.hardware_id for entry in diagnostics[-1].status} == {'paredis_table_3'}
     shown = [marker for marker in markers[-1].markers if marker.action == Marker.ADD]
     assert {marker.ns for marker in shown} == {'joint_3'}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -46,9 +46,12 @@ def definitions(bag: Bag) -> dict[str, MessageDefinition]:
 
 
 def rewrite(
-    bag: Bag, folder: Path, change: Callable[[BagMessage], BagMessage | None] | None = None
+    bag: Bag,
+    folder: Path,
+    change: Callable[[BagMessage], BagMessage | None] | None = None,
+    extra: Iterable[BagMessage] = (),
 ) -> Bag:
-    """Write a bag again with some messages changed or left out."""
+    """Write a bag again with some messages changed, left out or added."""
     kinds = definitions(bag)
     with BagWriter(folder) as writer:
         for name, values in bag.provenance.items():
@@ -61,6 +64,9 @@ def rewrite(
             if changed is not None:
                 key = writer.add_topic(changed.topic, kinds[changed.type_name])
                 writer.write(key, changed.data, changed.log_time, changed.publish_time)
+        for message in extra:
+            key = writer.add_topic(message.topic, message_definition(message.type_name))
+            writer.write(key, message.data, message.log_time, message.publish_time)
     return open_bag(folder)
 
 
@@ -130,6 +136,50 @@ def test_a_bag_by_another_recorder_has_the_same_digest(
     other = replay(open_bag(tmp_path / 'other'))
     assert other.digest == result.digest
     assert other.differences == ()
+
+
+def diagnostics(bag: Bag, counts: list[int]) -> list[BagMessage]:
+    """The monitor's diagnostics with these counts of missed joint states, a second apart."""
+    from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+
+    from support.cdr import cdr
+
+    type_name = 'diagnostic_msgs/msg/DiagnosticArray'
+    messages = []
+    for k, count in enumerate(counts):
+        other = DiagnosticStatus(name='replanner: replanner')
+        mine = DiagnosticStatus(name='fault_monitor: fault_monitor')
+        mine.values = [KeyValue(key='missed joint states', value=str(count))]
+        at = bag.start + (k + 1) * 10**9
+        data = cdr(DiagnosticArray(status=[other, mine]))
+        messages.append(BagMessage('/diagnostics', type_name, at, at, data))
+    return messages
+
+
+def test_a_monitor_that_missed_samples_is_named_where_it_came_late(
+    bag: Bag, tmp_path: Path
+) -> None:
+    from support.cdr import edited
+
+    kinds = definitions(bag)
+
+    def late(event: Any) -> None:
+        event.stamp.sec += 1
+
+    def change(record: BagMessage) -> BagMessage:
+        if record.topic != '/fault_events':
+            return record
+        data = edited(record.type_name, kinds[record.type_name].text, record.data, late)
+        return record._replace(data=data)
+
+    extra = diagnostics(bag, [2, 2, 9])
+    result = replay(rewrite(bag, tmp_path / 'late', change, extra))
+    assert result.differences
+    assert [note for note in result.notes if note.startswith('7 joint states')]
+    # Without a difference there is nothing to explain.
+    same = replay(rewrite(bag, tmp_path / 'same', None, extra))
+    assert not same.differences
+    assert not [note for note in same.notes if 'never reached' in note]
 
 
 def test_a_fault_that_was_not_recorded_is_a_difference(bag: Bag, tmp_path: Path) -> None:

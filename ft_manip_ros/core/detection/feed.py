@@ -5,6 +5,7 @@ The node and the replay of bags share this, so that both come to the same verdic
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterable, Sequence
 
 import numpy as np
@@ -16,8 +17,12 @@ from ft_manip_ros.core.detection.states import Edge
 from ft_manip_ros.core.errors import InputError
 
 _SECOND = 1_000_000_000
-_RECENT = 1_000_000_000  # ns, how old the latest sample may be to tell the samples' clock
+_RECENT = 1_000_000_000  # ns, how old a sample may be to tell the samples' clock
+_KEPT = 500  # samples: as many as may be queued
 Array = NDArray[np.float64]
+
+# Key under which the monitor's diagnostics count the joint states that never came.
+MISSED = 'missed joint states'
 
 
 class MonitorFeed:
@@ -35,7 +40,8 @@ class MonitorFeed:
         self.monitor = monitor
         self._frame = frame
         self.ignored: set[str] = set()
-        self._latest: tuple[int, int] | None = None
+        # Stamps and arrivals of the latest samples.
+        self._latest: deque[tuple[int, int]] = deque(maxlen=_KEPT)
         self._stamped = False
         self._newest = 0
         self._from_plan = 0
@@ -78,7 +84,7 @@ class MonitorFeed:
             # Another publisher's joints; the caller may tell.
             self.ignored.update(names)
             return []
-        self._latest = (stamp, arrival)
+        self._latest.append((stamp, arrival))
         return self.monitor.sample(stamp, tables[0], tables[1], tables[2])
 
     def joint_states(
@@ -112,7 +118,8 @@ class MonitorFeed:
         if not any(name in self.monitor.names for name in names):
             self.ignored.update(names)
             return []
-        self._latest = (int(stamps[-1]), int(arrivals[-1]))
+        last = slice(-_KEPT, None)
+        self._latest.extend(zip(stamps[last].tolist(), arrivals[last].tolist(), strict=True))
         return self.monitor.samples(stamps, names, positions, velocities, efforts)
 
     def trajectory(
@@ -141,7 +148,7 @@ class MonitorFeed:
         if stamp <= self._newest or not points:
             return
         end = stamp + round(points[-1][0] * _SECOND)
-        if self._latest is not None and end < self._latest[0]:
+        if self._latest and end < self._latest[-1][0]:
             return
         self.trajectory(stamp, arrival, names, points)
         self._from_plan = stamp
@@ -178,7 +185,17 @@ class MonitorFeed:
         )
 
     def on_sample_clock(self, arrival: int) -> int:
-        """Stamp (ns) that a sample arriving at ``arrival`` would have borne."""
-        if self._latest is None or abs(arrival - self._latest[1]) > _RECENT:
-            return arrival
-        return self._latest[0] + arrival - self._latest[1]
+        """Stamp (ns) that a sample arriving at ``arrival`` without delay would have borne.
+
+        Samples that waited in a queue came later than they might have: those that came soonest
+        after their stamps tell.
+        """
+        soonest = None
+        newer = None
+        for stamp, came in reversed(self._latest):
+            # What is older than a clock that was set back says nothing of the present one.
+            if abs(arrival - came) > _RECENT or (newer is not None and stamp > newer + _RECENT):
+                break
+            newer = stamp
+            soonest = stamp - came if soonest is None else max(soonest, stamp - came)
+        return arrival + (soonest or 0)

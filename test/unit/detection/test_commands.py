@@ -152,6 +152,30 @@ def test_a_trajectory_without_stamp_starts_on_the_clock_of_the_samples():
     assert monitor.states()[0].commanded_position == pytest.approx(0.495, abs=1e-9)
 
 
+def test_samples_that_waited_in_a_queue_do_not_set_the_clock_of_commands_back():
+    monitor = FaultMonitor(['a'])
+    feed = MonitorFeed(monitor)
+    for k in range(1, 101):
+        # The last thirty are handed over together, some when the first of them should have come.
+        feed.joint_state(k * 10**7, max(k, 71 + (k - 71) // 6) * 10**7, ['a'], [0.0])
+    # It comes when 0.3 s of samples are still to be handed over.
+    for k in range(101, 131):
+        feed.joint_state(k * 10**7, 131 * 10**7, ['a'], [0.0])
+    feed.trajectory(0, 131 * 10**7, ['a'], [(1.0, [1.0], [], [])])
+    feed.joint_state(181 * 10**7, 181 * 10**7, ['a'], [0.0])
+    assert monitor.states()[0].commanded_position == pytest.approx(0.5, abs=1e-9)
+
+
+def test_a_clock_of_samples_that_was_set_back_is_that_of_commands():
+    monitor = FaultMonitor(['a'])
+    feed = MonitorFeed(monitor)
+    for k in range(1, 101):
+        feed.joint_state(10**12 + k * 10**7, k * 10**7, ['a'], [0.0])
+    for k in range(101, 111):
+        feed.joint_state(k * 10**7, k * 10**7, ['a'], [0.0])
+    assert feed.on_sample_clock(111 * 10**7) == 111 * 10**7
+
+
 def test_a_missed_trajectory_is_taken_from_the_report_of_its_plan():
     monitor = FaultMonitor(['a'])
     feed = MonitorFeed(monitor)
