@@ -10,11 +10,13 @@ all: setup
 setup:
 	@scripts/setup.sh
 
-# Kernels are compiled again only where their sources changed.
+# Kernels are compiled again only where their sources changed. Many containers ask Python to keep no
+# bytecode: then every process would compile all sources that it imports, its packages' included,
+# which more than doubles the time that a node takes to start.
 CORE := $(shell find ft_manip_ros/core -name '*.py')
 warm: setup install/kernels.key
 install/kernels.key: $(CORE) scripts/warm_up.py | setup
-	@. ./env.sh && python3 scripts/warm_up.py && touch $@
+	@. ./env.sh && env -u PYTHONDONTWRITEBYTECODE python3 scripts/warm_up.py && touch $@
 
 demo: warm
 	@. ./env.sh && ros2 run ft_manip_ros demo $(ARGS)
