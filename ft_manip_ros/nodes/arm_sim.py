@@ -13,7 +13,6 @@ from trajectory_msgs.msg import JointTrajectory
 
 from ft_manip_interfaces.srv import InjectFault
 from ft_manip_ros.core.errors import InputError
-from ft_manip_ros.core.kinematics import fk
 from ft_manip_ros.core.sim import SimSettings, SimulatedArm
 from ft_manip_ros.nodes import topics
 from ft_manip_ros.nodes.arm_model import load_arm_parameter
@@ -112,6 +111,15 @@ class ArmSim(ManagedNode):
             self._tool = self.advertise(PoseStamped, topics.TOOL_POSE, topics.SENSOR_QOS)
             self.every(1.0 / self.param('tool_pose_rate'), self._on_tool_tick)
 
+    def warm_up(self) -> None:
+        """Load the kinematics, where poses of the tool are wanted."""
+        if self.param('tool_pose_rate') > 0.0:
+            # Brings the compiler, which takes a second and nothing else here needs.
+            from ft_manip_ros.core.kinematics import fk
+
+            self._fk = fk
+            fk(self._chain, self._arm.position)
+
     def activate(self) -> None:
         """Stand still where the arm stands; failed joints stay failed."""
         locked = self._arm.locked_joints
@@ -183,7 +191,7 @@ class ArmSim(ManagedNode):
     def _on_tool_tick(self) -> None:
         now = self.get_clock().now()
         self._arm.advance(float(now.nanoseconds) * 1e-9)
-        rotation, position = fk(self._chain, self._arm.position)
+        rotation, position = self._fk(self._chain, self._arm.position)
         seen = position + self.param('tool_noise') * self._tracker.standard_normal(3)
         message = PoseStamped(pose=pose_to_message(seen, rotation))
         message.header.stamp = now.to_msg()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from builtin_interfaces.msg import Duration, Time
@@ -12,7 +13,6 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from ft_manip_interfaces.msg import DhParameters, TaskGoal
 from ft_manip_interfaces.msg import Task as TaskMessage
 from ft_manip_ros.core.chain import Array
-from ft_manip_ros.core.detection.commands import TrajectoryPoint
 from ft_manip_ros.core.dh import DhTable
 from ft_manip_ros.core.errors import InputError
 from ft_manip_ros.core.goal import (
@@ -26,6 +26,9 @@ from ft_manip_ros.core.goal import (
 from ft_manip_ros.core.joint import Joint
 from ft_manip_ros.core.joint_path import JointPath
 from ft_manip_ros.core.planning.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from ft_manip_ros.core.detection.commands import TrajectoryPoint
 
 _SECOND = 1_000_000_000
 

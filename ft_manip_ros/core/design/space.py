@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ft_manip_ros.core.chain import Array
-from ft_manip_ros.core.design.dh_kernels import IntArray
 from ft_manip_ros.core.errors import InputError
+
+if TYPE_CHECKING:
+    from ft_manip_ros.core.design.dh_kernels import IntArray
 
 COLUMNS = ('d', 'a', 'alpha')
 FAMILIES = ('free', 'symmetric')
