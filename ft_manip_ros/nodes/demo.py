@@ -25,12 +25,11 @@ from ft_manip_ros.core.errors import InputError
 from ft_manip_ros.core.goal import Task
 from ft_manip_ros.core.task_file import load_task
 from ft_manip_ros.nodes import topics
-from ft_manip_ros.nodes.demo_arm import ask_workspace, obtain_arm
+from ft_manip_ros.nodes.demo_arm import ask_workspace, obtain_arm, start_designer
 from ft_manip_ros.nodes.demo_bag import read_back, replay
 from ft_manip_ros.nodes.demo_domain import own_domain
 from ft_manip_ros.nodes.demo_observer import START_TIME, STOP_TIME, Observer, StoryError
 from ft_manip_ros.nodes.demo_options import arm_of, chosen_joints, parse_options
-from ft_manip_ros.nodes.demo_picture import draw
 from ft_manip_ros.nodes.demo_processes import Processes
 from ft_manip_ros.nodes.demo_record import Record
 from ft_manip_ros.nodes.demo_run import NotNeededError, execute, start_posture
@@ -60,9 +59,12 @@ class Story:
     def tell(self) -> bool:
         """Run everything; returns whether it all happened."""
         observer, options = self.observer, self.options
+        # Both import at once; the designer designs when the recorder is there to record it.
+        start_designer(options, self.processes)
+        self._start_recorder(self._bag(0))
         observer.until(lambda: observer.active, 20.0, 'the demo node itself')
         task = load_task(options.task)
-        self._record_to(self._bag(0))
+        observer.until_active('recorder', START_TIME)
         chain, parameters = obtain_arm(options, observer, self.processes, self.timeline)
         wanted = chosen_joints(options.joint, chain)
         fault_tolerant = False
@@ -77,7 +79,8 @@ class Story:
                     chain, task, not options.arm, observer, self.timeline
                 )
             else:
-                self._record_to(self._bag(k))
+                self._start_recorder(self._bag(k))
+                observer.until_active('recorder', START_TIME)
             self._until_joined()
             joints = [joint] if joint else list(chain.joint_names)
             self._run(k, chain, task, joints, fault_tolerant, rng)
@@ -86,9 +89,8 @@ class Story:
     def _bag(self, k: int) -> Path:
         return Path(self.options.output) / ('bag' if k == 0 else f'bag_{k + 1}')
 
-    def _record_to(self, bag: Path) -> None:
+    def _start_recorder(self, bag: Path) -> None:
         self.processes.start('recorder', {'output': str(bag), 'seed': self.options.seed})
-        self.observer.until_active('recorder', START_TIME)
 
     def _start_arm(self, parameters: dict[str, Any], start: Any, *, first: bool) -> None:
         own = {'arm_sim': {'start': start.tolist(), 'seed': self.options.seed}}
@@ -137,6 +139,9 @@ class Story:
             observer.withdraw_task()
         problems = record.problems()
         tell_run(timeline, record)
+        # Not before: matplotlib and the compiler would keep the story from beginning.
+        from ft_manip_ros.nodes.demo_picture import draw
+
         picture = Path(self.options.output) / ('demo.png' if k == 0 else f'demo_{k + 1}.png')
         draw(record, picture)
         timeline.line('demo', f'picture: {picture}', good=True)

@@ -26,10 +26,23 @@ _FALLBACK = 'paredis_table_3'
 _OUTWARDS = (1.25, 1.5, 1.75, 2.0, 2.5, 3.0, 4.0)
 
 
+def start_designer(options: argparse.Namespace, processes: Processes) -> None:
+    """Start the designer's process, unless an arm was given; it waits to be configured."""
+    if options.arm:
+        return
+    parameters = {
+        'task': options.task,
+        'seed': options.seed,
+        'time_budget': options.design_time,
+        'autostart': False,
+    }
+    processes.start('designer', parameters)
+
+
 def obtain_arm(
     options: argparse.Namespace, observer: Observer, processes: Processes, timeline: Timeline
 ) -> tuple[SerialChain, dict[str, Any]]:
-    """Have an arm designed, or take the one that was asked for.
+    """Have the designer that was started design an arm, or take the one that was asked for.
 
     Returns
     -------
@@ -42,13 +55,6 @@ def obtain_arm(
         chain = arm_of(options)
         timeline.line('demo', f'the arm is {chain.name}, {chain.n} joints, as asked')
         return chain, {'arm': options.arm, 'base': options.base, 'tip': options.tip}
-    parameters = {
-        'task': options.task,
-        'seed': options.seed,
-        'time_budget': options.design_time,
-        'autostart': False,
-    }
-    processes.start('designer', parameters)
     try:
         observer.transit('designer', Transition.TRANSITION_CONFIGURE, START_TIME)
         # It is quick: whoever wants to see candidates has to be there before it begins.

@@ -9,7 +9,6 @@ import numpy as np
 from ft_manip_ros.core.chain import Array, SerialChain
 from ft_manip_ros.core.goal import Task
 from ft_manip_ros.core.joint_path import JointPath
-from ft_manip_ros.core.kinematics import fk
 
 # Largest distance between the tool and a point that was reached (m).
 REACHED = 1e-3
@@ -92,6 +91,9 @@ class Record:
 
     def distances(self) -> Array:
         """Distance of the measured tool from each goal, shape (T, goals), m."""
+        # Brings the compiler, which the demo needs only when all has happened.
+        from ft_manip_ros.core.kinematics import fk
+
         _, tool = fk(self.chain, self.positions)
         goals = np.array([goal.position for goal in self.task.goals])
         return np.asarray(np.linalg.norm(tool[:, None, :] - goals[None], axis=2))

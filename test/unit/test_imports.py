@@ -17,6 +17,7 @@ CLUSTER = ('dask', 'distributed')
     ('module', 'heavy'),
     [
         ('nodes.arm_sim', (*COMPILER, *PLOTS, *COLLISIONS, *CLUSTER)),
+        ('nodes.demo', (*COMPILER, *PLOTS, *COLLISIONS, *CLUSTER)),
         ('nodes.recorder', (*COMPILER, *PLOTS, *COLLISIONS, *CLUSTER)),
         ('nodes.fault_monitor', (*PLOTS, *COLLISIONS, *CLUSTER)),
         ('nodes.workspace', (*PLOTS, *COLLISIONS, *CLUSTER)),
