@@ -6,7 +6,7 @@ as rows of bytes, and columns are taken out; what does not match is left to the 
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ft_manip_ros.bags.decode import Decoder
 from ft_manip_ros.bags.reader import Bag
-from ft_manip_ros.bags.source import BagMessage
+from ft_manip_ros.bags.source import BagMessage, Stretch
 from ft_manip_ros.core.errors import InputError
 
 _TYPE = 'sensor_msgs/msg/JointState'
@@ -38,6 +38,7 @@ class JointBlock:
         As in the messages.
     """
 
+    topic: str
     names: tuple[str, ...]
     stamps: NDArray[np.int64]
     arrivals: NDArray[np.int64]
@@ -74,8 +75,8 @@ class JointLayout:
             at += -at % 8 if length else 0
             self._columns.append((_HEADER + at, length))
             at += 8 * length
-        self._places = np.flatnonzero(fixed)
-        self._values = np.frombuffer(data, dtype=np.uint8)[self._places]
+        self._fixed = fixed
+        self._values = np.frombuffer(data, dtype=np.uint8)
         m = len(self.names)
         self.plain = (
             data[:2] == _LITTLE_ENDIAN
@@ -83,27 +84,27 @@ class JointLayout:
             and all(length in (0, m) for _, length in self._columns)
         )
 
-    def block(self, records: Sequence[BagMessage]) -> JointBlock | None:
-        """Decode records of the layout's size, or return None where one has another layout."""
-        joined = b''.join(record.data for record in records)
-        rows = np.frombuffer(joined, dtype=np.uint8).reshape(len(records), self.size)
-        if not (rows[:, self._places] == self._values).all():
+    def block(self, stretch: Stretch) -> JointBlock | None:
+        """Decode messages of the layout's size, or return None where one has another layout."""
+        rows = stretch.data
+        arrivals = stretch.log_times.astype(np.int64)
+        if ((rows != self._values) & self._fixed).any() or arrivals.min() < 0:
             return None
         times = np.ascontiguousarray(rows[:, _HEADER : _HEADER + 8])
-        seconds = times[:, :4].copy().view('<i4')[:, 0].astype(np.int64)
-        nanoseconds = times[:, 4:].copy().view('<u4')[:, 0].astype(np.int64)
+        seconds = times.view('<i4')[:, 0].astype(np.int64)
+        nanoseconds = times.view('<u4')[:, 1].astype(np.int64)
         tables = [
-            rows[:, at : at + 8 * length].copy().view('<f8').reshape(len(records), length)
+            rows[:, at : at + 8 * length].copy().view('<f8').reshape(len(rows), length)
             for at, length in self._columns
         ]
-        arrivals = np.array([record.log_time for record in records], dtype=np.int64)
-        return JointBlock(self.names, seconds * _SECOND + nanoseconds, arrivals, *tables)
+        stamps = seconds * _SECOND + nanoseconds
+        return JointBlock(stretch.topic, self.names, stamps, arrivals, *tables)
 
 
 def joint_runs(
     bag: Bag, wanted: Collection[str], blocks: Collection[str], start: int | None, end: int | None
-) -> Iterator[tuple[list[BagMessage], JointBlock | None]]:
-    """Messages of a bag in order: joint states in blocks, all else one by one with None.
+) -> Iterator[BagMessage | JointBlock]:
+    """Messages of a bag in order: joint states in blocks, all else one by one.
 
     Parameters
     ----------
@@ -117,20 +118,31 @@ def joint_runs(
     layouts: dict[str, JointLayout] = {}
     run: list[BagMessage] = []
     topic, size = '', 0
-    for record in bag.messages(wanted, start=start, end=end):
+    for item in bag.stretches(wanted, blocks, start=start, end=end):
         if run:
-            if record.topic == topic and len(record.data) == size and len(run) < _LARGEST:
-                run.append(record)
+            if (
+                isinstance(item, BagMessage)
+                and item.topic == topic
+                and len(item.data) == size
+                and len(run) < _LARGEST
+            ):
+                run.append(item)
                 continue
-            yield from _decoded(layouts, run)
+            yield from _decoded(layouts, _side_by_side(run))
             run = []
-        if record.topic in blocks and _learn(bag, layouts, record):
-            run.append(record)
-            topic, size = record.topic, len(record.data)
+        if isinstance(item, Stretch):
+            first = next(item.messages())
+            if _learn(bag, layouts, first):
+                yield from _decoded(layouts, item)
+            else:
+                yield from item.messages()
+        elif item.topic in blocks and _learn(bag, layouts, item):
+            run.append(item)
+            topic, size = item.topic, len(item.data)
         else:
-            yield [record], None
+            yield item
     if run:
-        yield from _decoded(layouts, run)
+        yield from _decoded(layouts, _side_by_side(run))
 
 
 def is_joint_state(bag: Bag, topic: str) -> bool:
@@ -155,17 +167,24 @@ def _learn(bag: Bag, layouts: dict[str, JointLayout], record: BagMessage) -> boo
     return layout.plain
 
 
+def _side_by_side(run: list[BagMessage]) -> Stretch:
+    data = np.frombuffer(b''.join(record.data for record in run), dtype=np.uint8)
+    log_times = np.array([record.log_time for record in run], dtype=np.uint64)
+    publish_times = np.array([record.publish_time for record in run], dtype=np.uint64)
+    rows = data.reshape(len(run), -1)
+    return Stretch(run[0].topic, run[0].type_name, log_times, publish_times, rows)
+
+
 def _decoded(
-    layouts: dict[str, JointLayout], run: list[BagMessage]
-) -> Iterator[tuple[list[BagMessage], JointBlock | None]]:
-    block = layouts[run[0].topic].block(run)
+    layouts: dict[str, JointLayout], stretch: Stretch
+) -> Iterator[BagMessage | JointBlock]:
+    block = layouts[stretch.topic].block(stretch)
     if block is not None:
-        yield run, block
+        yield block
         return
     # Another driver's messages of the same size, or damage: learn again from the next one.
-    del layouts[run[0].topic]
-    for record in run:
-        yield [record], None
+    del layouts[stretch.topic]
+    yield from stretch.messages()
 
 
 def _count(fixed: NDArray[np.bool_], at: int) -> int:

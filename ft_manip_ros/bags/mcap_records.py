@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import struct
 import zlib
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -20,9 +19,8 @@ LAST_OPCODE = 0x0F
 LARGEST_CHUNK = 1 << 28
 COMPRESSIONS = ('', 'zstd', 'lz4')
 
-_MESSAGE_HEAD = struct.Struct('<HIQQ')
+MESSAGE_HEAD = struct.Struct('<HIQQ')
 RECORD_HEAD = struct.Struct('<BQ')
-_MESSAGE_RECORD = struct.Struct('<BQHIQQ')  # the two, one behind the other
 _CHUNK_HEAD = struct.Struct('<QQQI')
 
 
@@ -131,10 +129,10 @@ def parse_attachment(body: bytes) -> tuple[str, str, bytes]:
 
 def parse_message(body: bytes) -> RecordedMessage:
     """Parse a message record."""
-    if len(body) < _MESSAGE_HEAD.size:
+    if len(body) < MESSAGE_HEAD.size:
         raise RecordError('a message record is too short')
-    channel, _, log_time, publish_time = _MESSAGE_HEAD.unpack_from(body)
-    return RecordedMessage(channel, log_time, publish_time, body[_MESSAGE_HEAD.size :])
+    channel, _, log_time, publish_time = MESSAGE_HEAD.unpack_from(body)
+    return RecordedMessage(channel, log_time, publish_time, body[MESSAGE_HEAD.size :])
 
 
 def check_chunk_head(body: bytes) -> None:
@@ -146,8 +144,8 @@ def check_chunk_head(body: bytes) -> None:
         raise RecordError(f'a chunk claims {size} bytes, more than {LARGEST_CHUNK}')
 
 
-def chunk_records(body: bytes) -> bytes:
-    """Decompress a chunk and verify its size and checksum."""
+def chunk_records(body: bytes, *, verified: bool = False) -> bytes:
+    """Decompress a chunk and verify its size and, unless that was done before, its checksum."""
     check_chunk_head(body)
     c = Cursor(body)
     _, _, size, crc = _CHUNK_HEAD.unpack(c.take(_CHUNK_HEAD.size))
@@ -156,7 +154,7 @@ def chunk_records(body: bytes) -> bytes:
     records = _decompress(compression, packed, size)
     if len(records) != size:
         raise RecordError(f'a chunk holds {len(records)} bytes instead of {size}')
-    if crc and zlib.crc32(records) != crc:
+    if crc and not verified and zlib.crc32(records) != crc:
         raise RecordError('a chunk does not match its checksum')
     return records
 
@@ -176,39 +174,3 @@ def _decompress(compression: str, packed: bytes, size: int) -> bytes:
     except (zstandard.ZstdError, RuntimeError, EOFError, MemoryError) as error:
         raise RecordError(f'a chunk does not unpack ({error})') from None
     raise RecordError(f'a chunk uses compression {compression!r}; known are zstd, lz4 and none')
-
-
-def record_places(data: bytes) -> Iterator[tuple[int, int, int, int, int, int]]:
-    """Yield where the records inside a chunk lie, with the heads of its messages.
-
-    A minute of joint states has 60,000 records: nothing is cut out or wrapped here.
-
-    Yields
-    ------
-    opcode, begin, end
-        What the bytes ``data[begin:end]`` are; of a message, those behind its head.
-    channel_id, log_time, publish_time
-        Of a message; else zeros.
-    """
-    at, size = 0, len(data)
-    long_enough = size - _MESSAGE_RECORD.size
-    message_record, record_head = _MESSAGE_RECORD.unpack_from, RECORD_HEAD.unpack_from
-    message_head = _MESSAGE_HEAD.size
-    while at < size:
-        if at <= long_enough:
-            opcode, length, channel, _, log_time, publish_time = message_record(data, at)
-        elif at + RECORD_HEAD.size <= size:
-            opcode, length = record_head(data, at)
-        else:
-            raise RecordError('a record inside a chunk is cut short')
-        at += RECORD_HEAD.size
-        end = at + length
-        if end > size:
-            raise RecordError(f'a record inside a chunk claims {length} of {size - at} bytes')
-        if opcode != MESSAGE:
-            yield opcode, at, end, 0, 0, 0
-        elif length < message_head:
-            raise RecordError('a message record is too short')
-        else:
-            yield opcode, at + message_head, end, channel, log_time, publish_time
-        at = end

@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-from bisect import bisect_left
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
-from operator import itemgetter
 from pathlib import Path
 from typing import BinaryIO
+
+import numpy as np
 
 from ft_manip_ros.bags import mcap_records as mr
 from ft_manip_ros.bags.mcap_records import Channel, RecordedMessage, RecordError, Schema
 from ft_manip_ros.bags.mcap_resync import begins_record, next_chunk
-from ft_manip_ros.bags.source import BagMessage, Damage
+from ft_manip_ros.bags.mcap_table import ChunkContent, MessageTable, chunk_content, table_of
+from ft_manip_ros.bags.source import BagMessage, Damage, Stretch
 from ft_manip_ros.core.errors import InputError
-
-_TIME, _TIME_AND_TOPIC = itemgetter(2), itemgetter(2, 0)  # of a BagMessage
 
 
 @dataclass(frozen=True)
@@ -25,6 +24,7 @@ class _Chunk:
     length: int
     start: int
     count: int
+    channels: frozenset[int]
 
 
 class McapScan:
@@ -88,50 +88,48 @@ class McapScan:
         wanted
             Only of these topics; of all if None.
         """
-        names = {
+        return self.messages_of(self._names(wanted))
+
+    def messages_of(self, names: Mapping[int, tuple[str, str]]) -> Iterator[BagMessage]:
+        """As `messages`, of these channels, with ``names`` for topic and type of each."""
+        for table in self._tables(names):
+            yield from table.messages(names)
+
+    def stretches(
+        self, wanted: Collection[str], together: Collection[str]
+    ) -> Iterator[BagMessage | Stretch]:
+        """As `messages`, those of the topics ``together`` in stretches where they can."""
+        names = self._names(wanted)
+        channels = {channel for channel, (topic, _) in names.items() if topic in together}
+        for table in self._tables(names):
+            yield from table.stretches(names, channels)
+
+    def _names(self, wanted: Collection[str] | None) -> dict[int, tuple[str, str]]:
+        """Topic and type of the channels of these topics, by channel id."""
+        return {
             channel.id: (channel.topic, self.type_name(channel.schema_id))
             for channel in self.channels.values()
             if wanted is None or channel.topic in wanted
         }
-        return self.messages_of(names)
 
-    def messages_of(self, names: Mapping[int, tuple[str, str]]) -> Iterator[BagMessage]:
-        """As `messages`, of these channels, with ``names`` for topic and type of each."""
-        held = [
-            BagMessage(*names[channel], log_time, publish_time, data)
-            for channel, log_time, publish_time, data in self._loose
-            if channel in names
-        ]
-        # Sorting keeps the order in the file of what is equal.
-        held.sort(key=_TIME_AND_TOPIC)
+    def _tables(self, names: Mapping[int, tuple[str, str]]) -> Iterator[MessageTable]:
+        """The readable messages of these channels in their order, about a chunk at a time."""
+        topics = sorted({topic for topic, _ in names.values()})
+        ranks = {channel: topics.index(topic) for channel, (topic, _) in names.items()}
+        held = table_of(self._loose).of(names).ordered(ranks)
         with self.path.open('rb') as file:
             for chunk in sorted(self._chunks, key=lambda c: (c.start, c.offset)):
-                before = bisect_left(held, chunk.start, key=_TIME)
-                yield from held[:before]
-                del held[:before]
+                if chunk.channels.isdisjoint(names):
+                    continue
+                before = held.before(chunk.start)
+                yield held[:before]
                 file.seek(chunk.offset)
-                held += self._chunk_messages(file.read(chunk.length), chunk.count, names)
-                held.sort(key=_TIME_AND_TOPIC)
-        yield from held
-
-    def _chunk_messages(
-        self, body: bytes, count: int, names: Mapping[int, tuple[str, str]]
-    ) -> list[BagMessage]:
-        """Those of the first ``count`` messages of a chunk (what opening it found usable)."""
-        records = mr.chunk_records(body)
-        found = []
-        for opcode, begin, end, channel, log_time, publish_time in mr.record_places(records):
-            if opcode != mr.MESSAGE:
-                continue
-            if channel in names:
-                topic, type_name = names[channel]
-                found.append(
-                    BagMessage(topic, type_name, log_time, publish_time, records[begin:end])
-                )
-            count -= 1
-            if count == 0:
-                break
-        return found
+                body = file.read(chunk.length)
+                content = chunk_content(mr.chunk_records(body, verified=True))
+                # Only what opening it found usable.
+                found = content.table[: chunk.count].of(names)
+                held = held[before:].followed_by(found).ordered(ranks)
+        yield held
 
     def _scan(self, file: BinaryIO) -> None:
         mark = file.read(len(mr.MAGIC))
@@ -185,24 +183,37 @@ class McapScan:
         return True
 
     def _chunk(self, body: bytes, at: int) -> None:
-        records = mr.chunk_records(body)
-        channels, times = self.channels, []
-        counts: dict[int, int] = {}
-        try:
-            for opcode, begin, end, channel, log_time, _ in mr.record_places(records):
-                if opcode != mr.MESSAGE:
-                    self._define(opcode, records[begin:end])
-                    continue
-                if channel not in channels:
-                    raise _unknown(channel)
-                counts[channel] = counts.get(channel, 0) + 1
-                times.append(log_time)
-        finally:
-            if times:
-                self._chunks.append(
-                    _Chunk(at + mr.RECORD_HEAD.size, len(body), min(times), len(times))
-                )
-                self._count(counts, min(times), max(times))
+        content = chunk_content(mr.chunk_records(body))
+        usable, problem = self._usable(content)
+        if usable:
+            rows = content.table.rows[:usable]
+            start, end = int(rows['log_time'].min()), int(rows['log_time'].max())
+            ids, numbers = np.unique(rows['channel'], return_counts=True)
+            counts = dict(zip(ids.tolist(), numbers.tolist(), strict=True))
+            place = at + mr.RECORD_HEAD.size
+            self._chunks.append(_Chunk(place, len(body), start, usable, frozenset(counts)))
+            self._count(counts, start, end)
+        if problem is not None:
+            raise problem
+
+    def _usable(self, content: ChunkContent) -> tuple[int, RecordError | None]:
+        """How many messages of a chunk can be used, and what is wrong behind the last of them.
+
+        What the chunk defines is taken in on the way: messages come after their channel.
+        """
+        channels = content.table.rows['channel']
+        done = 0
+        for before, opcode, record in (*content.definitions(), (len(channels), 0, b'')):
+            known = np.isin(channels[done:before], list(self.channels))
+            if not known.all():
+                done += int(known.argmin())
+                return done, _unknown(int(channels[done]))
+            done = before
+            try:
+                self._define(opcode, record)
+            except RecordError as error:
+                return done, error
+        return done, content.problem
 
     def _define(self, opcode: int, record: bytes) -> None:
         """Take in a schema or channel."""

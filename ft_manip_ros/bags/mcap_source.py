@@ -7,7 +7,7 @@ from pathlib import Path
 
 from ft_manip_ros.bags.mcap_scan import McapScan
 from ft_manip_ros.bags.qos import load_profiles
-from ft_manip_ros.bags.source import BagMessage, TopicInfo
+from ft_manip_ros.bags.source import BagMessage, Stretch, TopicInfo
 
 
 class McapSource:
@@ -48,3 +48,9 @@ class McapSource:
     def messages(self, wanted: Collection[str] | None = None) -> Iterator[BagMessage]:
         """Readable messages of these topics (None: all) by log time, then topic."""
         return self._scan.messages(wanted)
+
+    def stretches(
+        self, wanted: Collection[str], together: Collection[str]
+    ) -> Iterator[BagMessage | Stretch]:
+        """As `messages`; those of the topics ``together`` in stretches where they can."""
+        return self._scan.stretches(wanted, together)

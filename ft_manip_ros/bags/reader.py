@@ -6,6 +6,7 @@ import heapq
 import re
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
+from itertools import chain, pairwise
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from ft_manip_ros.bags.compressed import SUFFIX, UnpackedFile, unpack_message
 from ft_manip_ros.bags.decode import Decoder
 from ft_manip_ros.bags.mcap_source import McapSource
 from ft_manip_ros.bags.rosbag_metadata import FILE_NAME, read_file_names_and_custom
-from ft_manip_ros.bags.source import BagMessage, Damage, Source, TopicInfo
+from ft_manip_ros.bags.source import BagMessage, Damage, Source, Stretch, TopicInfo
 from ft_manip_ros.core.errors import InputError
 
 # First byte of every serialized message; another one may be that of rosbag2's compression.
@@ -101,11 +102,35 @@ class Bag:
         for message in merged:
             if end is not None and message.log_time > end:
                 return
-            if start is not None and message.log_time < start:
+            if start is None or message.log_time >= start:
+                yield _unpacked(message)
+
+    def stretches(
+        self,
+        topics: Collection[str],
+        together: Collection[str],
+        *,
+        start: int | None = None,
+        end: int | None = None,
+    ) -> Iterator[BagMessage | Stretch]:
+        """As `messages`, in the same order; those of the topics ``together`` may come at once."""
+        files = sorted(self.sources, key=lambda source: source.start)
+        if any(one.end >= other.start for one, other in pairwise(files)):
+            # Files that overlap in time: message by message.
+            yield from self.messages(topics, start=start, end=end)
+            return
+        for item in chain.from_iterable(f.stretches(topics, together) for f in files):
+            if isinstance(item, BagMessage):
+                if end is not None and item.log_time > end:
+                    return
+                if start is None or item.log_time >= start:
+                    yield _unpacked(item)
                 continue
-            if message.data[:1] != _PLAIN:
-                message = message._replace(data=unpack_message(message.data))
-            yield message
+            piece = item.between(start, end)
+            if piece.data[:, :1].any():
+                yield from map(_unpacked, piece.messages())
+            elif len(piece.data):
+                yield piece
 
     def decode(self, message: BagMessage) -> Any:
         """Return the decoded message.
@@ -132,6 +157,12 @@ class Bag:
             If the schema is unreadable or unknown.
         """
         return self._decoder.fields(type_name)
+
+
+def _unpacked(message: BagMessage) -> BagMessage:
+    if message.data[:1] == _PLAIN:
+        return message
+    return message._replace(data=unpack_message(message.data))
 
 
 def open_bag(path: Path | str) -> Bag:

@@ -10,7 +10,7 @@ from typing import Any
 
 from ft_manip_ros.bags import replay_faults, replay_plans, replay_verdicts
 from ft_manip_ros.bags.findings import Difference, Finding, Tolerance, compare, digest
-from ft_manip_ros.bags.joint_blocks import is_joint_state, joint_runs
+from ft_manip_ros.bags.joint_blocks import JointBlock, is_joint_state, joint_runs
 from ft_manip_ros.bags.reader import Bag
 from ft_manip_ros.bags.replay_faults import FaultReplay, missed_joint_states
 from ft_manip_ros.bags.replay_plans import PlanReplay
@@ -106,16 +106,17 @@ def replay(
         )
     messages = 0
     refused: dict[str, int] = {}
-    for records, block in joint_runs(bag, wanted, _in_blocks(bag, parts), start, end):
-        messages += len(records)
-        topic = records[0].topic
-        if block is not None:
+    for item in joint_runs(bag, wanted, _in_blocks(bag, parts), start, end):
+        topic = item.topic
+        if isinstance(item, JointBlock):
+            messages += len(item.stamps)
             for part in parts:
-                for error in part.block_handlers[topic](block) if topic in part.handlers else ():
+                for error in part.block_handlers[topic](item) if topic in part.handlers else ():
                     _count(refused, f'{topic}: {error}')
             continue
+        messages += 1
         try:
-            message = bag.decode(records[0])
+            message = bag.decode(item)
         except InputError as error:
             _count(refused, f'{topic}: {error.problem}')
             continue
@@ -124,7 +125,7 @@ def replay(
             if handler is None:
                 continue
             try:
-                handler(records[0], message)
+                handler(item, message)
             except InputError as error:
                 # As in the nodes: a malformed message is refused, and the state stays.
                 _count(refused, f'{topic}: {error}')

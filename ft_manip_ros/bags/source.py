@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left, bisect_right
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
 
 from ft_manip_ros.bags.qos import QosProfile
 
@@ -20,6 +24,42 @@ class Damage:
 
     def __str__(self) -> str:
         return f'{self.file}: byte {self.offset}: {self.problem}'
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """K consecutive messages of one topic and size.
+
+    Attributes
+    ----------
+    log_times, publish_times : ndarray of uint64, shape (K,), ns
+        Log times do not fall.
+    data : ndarray of uint8, shape (K, size)
+        CDR bytes, a message a row; not to be written to.
+    """
+
+    topic: str
+    type_name: str
+    log_times: NDArray[np.uint64]
+    publish_times: NDArray[np.uint64]
+    data: NDArray[np.uint8]
+
+    def between(self, start: int | None, end: int | None) -> Stretch:
+        """Those from ``start`` on and up to ``end``, log times in ns."""
+        if start is None and end is None:
+            return self
+        times = self.log_times.tolist()
+        first = 0 if start is None else bisect_left(times, start)
+        last = len(times) if end is None else bisect_right(times, end)
+        rows = slice(first, last)
+        log_times, publish_times = self.log_times[rows], self.publish_times[rows]
+        return Stretch(self.topic, self.type_name, log_times, publish_times, self.data[rows])
+
+    def messages(self) -> Iterator[BagMessage]:
+        """One by one."""
+        times = zip(self.log_times.tolist(), self.publish_times.tolist(), strict=True)
+        for (log_time, publish_time), row in zip(times, self.data, strict=True):
+            yield BagMessage(self.topic, self.type_name, log_time, publish_time, row.tobytes())
 
 
 class BagMessage(NamedTuple):
@@ -64,4 +104,10 @@ class Source(Protocol):
 
     def messages(self, wanted: Collection[str] | None = None) -> Iterator[BagMessage]:
         """Readable messages of these topics (None: all) by log time, then topic."""
+        ...
+
+    def stretches(
+        self, wanted: Collection[str], together: Collection[str]
+    ) -> Iterator[BagMessage | Stretch]:
+        """As `messages`; those of the topics ``together`` may come in stretches."""
         ...

@@ -9,7 +9,7 @@ from rosbags.interfaces import Connection, ConnectionExtRosbag2, MessageDefiniti
 from rosbags.rosbag2 import Reader
 
 from ft_manip_ros.bags.qos import QosProfile
-from ft_manip_ros.bags.source import BagMessage, Damage, TopicInfo
+from ft_manip_ros.bags.source import BagMessage, Damage, Stretch, TopicInfo
 from ft_manip_ros.core.errors import InputError
 
 _ENCODINGS = {MessageDefinitionFormat.MSG: 'ros2msg', MessageDefinitionFormat.IDL: 'ros2idl'}
@@ -78,6 +78,12 @@ class SqliteSource:
                 BagMessage(connection.topic, connection.msgtype, log_time, log_time, bytes(data))
             )
         yield from sorted(held, key=lambda message: message.topic)
+
+    def stretches(
+        self, wanted: Collection[str], together: Collection[str]
+    ) -> Iterator[BagMessage | Stretch]:
+        """As `messages`: a row of the database is one message."""
+        return self.messages(wanted)
 
     def _rows(self, chosen: list[Connection]) -> Iterator[tuple[Connection, int, bytes]]:
         read = 0

@@ -12,8 +12,9 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from ft_manip_ros.bags.definitions import MessageDefinition, message_definition
-from ft_manip_ros.bags.joint_blocks import is_joint_state, joint_runs
+from ft_manip_ros.bags.joint_blocks import JointBlock, is_joint_state, joint_runs
 from ft_manip_ros.bags.reader import Bag, open_bag
+from ft_manip_ros.bags.source import BagMessage
 from ft_manip_ros.bags.writer import BagWriter
 from support.cdr import cdr
 
@@ -40,22 +41,19 @@ def write(folder: Path, messages: Sequence[tuple[str, bytes]]) -> Bag:
 def decoded(bag: Bag, blocks: set[str]) -> list[tuple[object, ...]]:
     """Everything about each joint state, from whichever way it came."""
     found = []
-    for records, block in joint_runs(bag, set(bag.topics), blocks, None, None):
-        if block is None:
-            (record,) = records
-            if record.type_name == TYPE:
-                message = bag.decode(record)
+    for item in joint_runs(bag, set(bag.topics), blocks, None, None):
+        if not isinstance(item, JointBlock):
+            if item.type_name == TYPE:
+                message = bag.decode(item)
                 stamp = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
                 tables = (message.position, message.velocity, message.effort)
                 numbers = tuple(str(table.tolist()) for table in tables)
-                found.append((stamp, record.log_time, tuple(message.name), *numbers))
+                found.append((item.topic, stamp, item.log_time, tuple(message.name), *numbers))
             continue
-        assert len(records) == len(block.stamps)
-        for k, record in enumerate(records):
-            assert record.log_time == block.arrivals[k]
-            tables = (block.positions[k], block.velocities[k], block.efforts[k])
+        for k, stamp in enumerate(item.stamps.tolist()):
+            tables = (item.positions[k], item.velocities[k], item.efforts[k])
             numbers = tuple(str(table.tolist()) for table in tables)
-            found.append((int(block.stamps[k]), record.log_time, block.names, *numbers))
+            found.append((item.topic, stamp, int(item.arrivals[k]), item.names, *numbers))
     return found
 
 
@@ -72,7 +70,8 @@ def test_blocks_hold_what_single_messages_do(tmp_path: Path) -> None:
     assert is_joint_state(bag, '/j')
     assert not is_joint_state(bag, '/text')
     assert decoded(bag, {'/j', '/other'}) == decoded(bag, set())
-    sizes = [len(records) for records, _ in joint_runs(bag, set(bag.topics), {'/j'}, None, None)]
+    items = list(joint_runs(bag, set(bag.topics), {'/j'}, None, None))
+    sizes = [len(item.stamps) if isinstance(item, JointBlock) else 1 for item in items]
     assert max(sizes) > 5
     assert sum(sizes) == 40
 
@@ -84,9 +83,8 @@ def test_bytes_that_align_mean_nothing(tmp_path: Path) -> None:
     other = bytearray(cdr(state(2)))
     other[at : at + 2] = b'??'
     bag = write(tmp_path / 'bag', [('/j', plain), ('/j', bytes(other))])
-    ((records, block),) = joint_runs(bag, ['/j'], ['/j'], None, None)
-    assert len(records) == 2
-    assert block is not None
+    (block,) = joint_runs(bag, ['/j'], ['/j'], None, None)
+    assert isinstance(block, JointBlock)
     assert np.array_equal(block.positions[:, 0], [0.1, 0.2])
 
 
@@ -102,10 +100,19 @@ def test_another_definition_of_the_type_is_left_to_the_decoder(tmp_path: Path) -
 def test_messages_cut_short_are_handed_on(tmp_path: Path, length: int) -> None:
     whole = cdr(state(1))
     bag = write(tmp_path / 'bag', [('/j', whole), ('/j', whole[:length]), ('/j', whole)])
-    found = list(joint_runs(bag, ['/j'], ['/j'], None, None))
-    assert [record.data for records, _ in found for record in records] == [
-        whole,
-        whole[:length],
-        whole,
-    ]
-    assert [block is None for _, block in found] == [False, True, False]
+    before, cut, after = joint_runs(bag, ['/j'], ['/j'], None, None)
+    assert isinstance(cut, BagMessage)
+    assert cut.data == whole[:length]
+    for block in (before, after):
+        assert isinstance(block, JointBlock)
+        assert block.stamps.tolist() == [-4 * 10**9 + 1]
+
+
+@pytest.mark.parametrize('count', [11, 12, 500, 2500])
+def test_long_runs_are_decoded_where_they_lie(tmp_path: Path, count: int) -> None:
+    messages = [('/j', cdr(state(i))) for i in range(count)]
+    messages[count // 2] = ('/j', cdr(state(1, ('bcd', 'a'))))
+    bag = write(tmp_path / 'bag', [*messages, ('/text', cdr(String(data='behind')))])
+    found = decoded(bag, {'/j'})
+    assert found == decoded(bag, set())
+    assert len(found) == count
