@@ -78,16 +78,19 @@ def run() -> None:
         chain = random_arm(rng, int(rng.integers(4, 8))).chain()
         tally.add(chain, _directions(rng, 4) * 0.3 * float(_reach(chain)))
     tally.show('random arms, 4 to 7 joints')
-    tally = Tally()
-    tally.add(planar(1, 1, 1, 1, 1, 1), np.array([[0.7, 0.3, 0.0], [2.6, 0.0, 0.0]]), order=2)
-    tally.show('order 2, planar 6R')
-    tally = Tally()
-    poses = np.zeros((30, 7))
-    poses[:, :2] = rng.uniform(-1.6, 1.6, (30, 2))
-    angle = rng.uniform(-np.pi, np.pi, 30)
-    poses[:, 5], poses[:, 6] = np.sin(angle / 2), np.cos(angle / 2)
-    tally.add(planar(1, 1, 1, 1, 0), poses, mode='pose')
-    tally.show('poses, planar 5R')
+    for order in (2, 3, 4):
+        tally = Tally()
+        points = rng.uniform(-1.6, 1.6, (60, 3)) * [1.0, 1.0, 0.0]
+        tally.add(planar(*[1.0] * (2 * order + 2)), points, order=order)
+        tally.show(f'order {order}, planar {2 * order + 2}R')
+    for order in (1, 2, 3):
+        tally = Tally()
+        poses = np.zeros((30, 7))
+        poses[:, :2] = rng.uniform(-1.6, 1.6, (30, 2))
+        angle = rng.uniform(-np.pi, np.pi, 30)
+        poses[:, 5], poses[:, 6] = np.sin(angle / 2), np.cos(angle / 2)
+        tally.add(planar(*[1.0] * (2 * order + 2), 0.0), poses, order=order, mode='pose')
+        tally.show(f'order {order}, poses of planar {2 * order + 3}R')
 
 
 def _directions(rng: np.random.Generator, count: int) -> Array:

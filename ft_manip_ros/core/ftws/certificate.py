@@ -19,6 +19,7 @@ from ft_manip_ros.core.ftws.settings import FtwsSettings
 from ft_manip_ros.core.ftws.verdict import FtwsResult, Verdict
 from ft_manip_ros.core.ftws.verifier import NotConfirmedError, check_goal, check_region
 from ft_manip_ros.core.ftws.verifier_arm import Arm
+from ft_manip_ros.core.ftws.verifier_planar import PLANAR
 from ft_manip_ros.core.goal import Goal
 from ft_manip_ros.core.whole_file import write_whole
 
@@ -121,7 +122,11 @@ def _entry(
         entry['joints'] = list(result.joints)
         entry['angles'] = list(result.angles)
         entry['residual'] = result.residual
-    if result.verdict is Verdict.MEMBER:
+    if result.closed_form and result.verdict is not Verdict.UNDECIDED:
+        entry['kind'] = PLANAR
+    if result.verdict is Verdict.MEMBER and result.closed_form:
+        entry['slack'] = result.margin
+    elif result.verdict is Verdict.MEMBER:
         k = problem.order
         entry['pieces'] = [
             {

@@ -13,6 +13,7 @@ from ft_manip_ros.core.errors import InputError
 from ft_manip_ros.core.ftws.engine import run_engine
 from ft_manip_ros.core.ftws.ftws_map import FtwsMap, arm_fingerprint
 from ft_manip_ros.core.ftws.map_frame import MapFrame
+from ft_manip_ros.core.ftws.planar_verdict import judge_many
 from ft_manip_ros.core.ftws.problem import Problem, prepare
 from ft_manip_ros.core.ftws.query import distance_off_plane
 from ft_manip_ros.core.ftws.settings import FtwsSettings
@@ -146,7 +147,10 @@ def _judge(
         if should_stop is not None and should_stop():
             return 0
         off = np.array([distance_off_plane(problem, goal) for goal in goals[part]])
-        found = run_engine(problem, goals[part], effort).verdicts.astype(np.int8)
+        if problem.form is not None and problem.closed:
+            found = judge_many(problem.form, goals[part], off, tolerance, radius)
+        else:
+            found = run_engine(problem, goals[part], effort).verdicts.astype(np.int8)
         # A planar arm: all of the ball is off its plane, or part of it.
         if problem.plane is not None:
             found = np.where(off > tolerance + radius, -1, np.where(off > 1e-9, 0, found))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import combinations
 
 import numpy as np
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 
 from ft_manip_ros.core.chain import Array, ChainArrays, SerialChain
 from ft_manip_ros.core.errors import InputError
+from ft_manip_ros.core.ftws.planar_form import PlanarForm, closed_form_holds, planar_form
 from ft_manip_ros.core.ftws.reach import reach_table
 from ft_manip_ros.core.ftws.task_map import Plane, TaskArrays, find_plane, reach, task_arrays
 from ft_manip_ros.core.goal import Goal, quaternion_from_rotation, rotation_from_quaternion
@@ -19,6 +21,8 @@ from ft_manip_ros.core.joint import Joint
 _SPIN = '(free tool axis)'
 # Positions per frozen joint in the reach table, by order.
 _SAMPLES = {1: 49, 2: 9, 3: 5}
+# Operating limits of this width are none (rad): what is left out moves nothing that counts.
+_ALL_ROUND = 2.0 * np.pi - 1e-13
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +43,7 @@ class Problem:
     arms : ndarray, shape (n,)
         How far the tool can be from each axis (m).
     table : ndarray, shape (T, k + 11)
-        The reach table.
+        The reach table; empty where the closed form settles everything.
     """
 
     chain: SerialChain
@@ -57,6 +61,20 @@ class Problem:
     def oriented(self) -> bool:
         """Whether the orientation counts."""
         return self.task.orientation_rows.shape[0] > 0
+
+    @cached_property
+    def form(self) -> PlanarForm | None:
+        """The closed form of a planar arm without limits, else None."""
+        if self.plane is None or not closed_form_holds(self.chain, self.plane):
+            return None
+        if self.oriented and 2.0 * self.task.length > reach(self.chain):
+            return None  # an arm of next to no length, whose orientation counts by a least one
+        return planar_form(self.chain, self.plane, self.task, self.combos)
+
+    @property
+    def closed(self) -> bool:
+        """Whether the closed form settles every goal: joints also freeze all round."""
+        return self.form is not None and bool((np.ptp(self.ranges, axis=0) >= _ALL_ROUND).all())
 
 
 def prepare(chain: SerialChain, mode: str, order: int, free_axis: bool = False) -> Problem:
@@ -103,18 +121,12 @@ def prepare(chain: SerialChain, mode: str, order: int, free_axis: bool = False) 
     combos = np.array(list(combinations(range(n), order)), dtype=np.int64).reshape(-1, order)
     ranges = np.array([chain.operating_lower, chain.operating_upper])
     arrays = chain.arrays
-    return Problem(
-        chain,
-        mode,
-        int(order),
-        arrays,
-        task,
-        plane,
-        combos,
-        ranges,
-        arms,
-        reach_table(arrays, combos, ranges, _SAMPLES.get(order, 3), reach(chain)),
-    )
+    no_table = np.zeros((0, order + 11))
+    problem = Problem(chain, mode, int(order), arrays, task, plane, combos, ranges, arms, no_table)
+    if order > 1 and problem.closed:
+        return problem
+    samples = _SAMPLES.get(order, 3)
+    return replace(problem, table=reach_table(arrays, combos, ranges, samples, reach(chain)))
 
 
 def goal_rows(goals: Sequence[Goal] | Array, mode: str) -> tuple[Array, NDArray[np.bool_]]:

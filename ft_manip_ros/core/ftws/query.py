@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from ft_manip_ros.core.errors import InputError
 from ft_manip_ros.core.ftws.dextrous import judge_dextrous
 from ft_manip_ros.core.ftws.effort import MEMBER, NON_MEMBER, Effort
 from ft_manip_ros.core.ftws.engine import run_engine
+from ft_manip_ros.core.ftws.planar_verdict import closed_form, judge_planar
 from ft_manip_ros.core.ftws.problem import Problem, goal_rows, prepare
 from ft_manip_ros.core.ftws.settings import FtwsSettings
 from ft_manip_ros.core.ftws.verdict import FtwsResult, Verdict
@@ -115,6 +117,10 @@ def judge_one(
         return _judge_dextrous(problem, goal, settings, started)
     combos, k = problem.combos, problem.order
     effort = settings.effort(problem.oriented, problem.task.length)
+    if k > 1 and problem.form is not None:
+        result = closed_form(problem, problem.form, goal, off, effort)
+        if result.verdict is not Verdict.UNDECIDED or problem.closed:
+            return replace(result, elapsed_s=time.perf_counter() - started)
     judged = run_engine(problem, goal[None], effort, _NO_PIECES if pieces is None else pieces)
     code, at = int(judged.verdicts[0]), int(judged.combo_of[0])
     margin, residual = 0.0, float(judged.residuals[0])
@@ -128,7 +134,12 @@ def judge_one(
         reason = f'covered: a posture exists for every position of any {k} failed joint(s)'
         residual = 0.0
         margin = settings.radius
-        if settings.margin:
+        if settings.margin and problem.form is not None:
+            answer = judge_planar(
+                problem.form, goal, off, effort.tolerance, effort.radius, problem.ranges
+            )
+            margin = max(answer.margin, settings.radius)
+        elif settings.margin:
             margin = proved_ball(problem, goal, effort)
     elif code == NON_MEMBER:
         verdict = Verdict.NON_MEMBER

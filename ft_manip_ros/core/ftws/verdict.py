@@ -34,6 +34,8 @@ class FtwsResult:
         worst residual seen; MEMBER: 0.
     margin
         Radius (m) of the ball around the goal with the same proved verdict; 0 if not worked out.
+    closed_form
+        Whether the verdict rests on the closed form of planar arms without limits.
     tolerated
         Order 1: per joint, intervals of frozen positions at which the goal is proved reachable.
     surviving_fraction
@@ -52,6 +54,7 @@ class FtwsResult:
     tolerated: Mapping[str, list[tuple[float, float]]] = field(default_factory=dict)
     surviving_fraction: Mapping[str, float] = field(default_factory=dict)
     elapsed_s: float = 0.0
+    closed_form: bool = False
 
     def to_json(self) -> dict[str, Any]:
         """Return the answer as the command line prints it.

@@ -3,7 +3,7 @@
 Shares no code with the engine but the chain's definition. What a certificate gives are hints:
 postures to start from and boxes to try. A claim counts only as far as it is proved here again,
 by the inequalities of `verifier_member` and `verifier_lost`, and only where what was proved
-covers all of it (`verifier_cover`).
+covers all of it (`verifier_cover`), or by those of polygons (`verifier_planar`).
 """
 
 from __future__ import annotations
@@ -17,7 +17,10 @@ from ft_manip_ros.core.ftws.verifier_arm import Arm, Array
 from ft_manip_ros.core.ftws.verifier_cover import uncovered
 from ft_manip_ros.core.ftws.verifier_lost import NotLostError, prove_lost
 from ft_manip_ros.core.ftws.verifier_member import proved_boxes
+from ft_manip_ros.core.ftws.verifier_planar import PLANAR, NotPlanarError, check_planar
 
+# The kind of a proof that names none.
+COVERING = 'covering'
 # Cells of a volume that are this near (m) touch; far below the tolerance that goals are held to.
 _TOUCHING = 1e-12
 
@@ -46,10 +49,18 @@ def check_goal(arm: Arm, goal: Mapping[str, Any], budget: int = 5_000_000) -> st
     radius = float(goal.get('radius', 0.0))
     if not radius >= 0.0:
         raise NotConfirmedError(f'radius {radius} is not a number >= 0')
+    if verdict not in ('member', 'non_member'):
+        raise NotConfirmedError(f'verdict {verdict!r} is not one of member, non_member, undecided')
+    kind = goal.get('kind', COVERING)
+    if kind == PLANAR:
+        try:
+            return check_planar(arm, goal, target, radius)
+        except NotPlanarError as error:
+            raise NotConfirmedError(str(error)) from None
+    if kind != COVERING:
+        raise NotConfirmedError(f'proof kind {kind!r} is not one of {COVERING}, {PLANAR}')
     if verdict == 'non_member':
         return _check_lost(arm, goal, target, radius, budget)
-    if verdict != 'member':
-        raise NotConfirmedError(f'verdict {verdict!r} is not one of member, non_member, undecided')
     return _check_member(arm, goal, target, radius)
 
 
