@@ -8,6 +8,8 @@ from typing import Any
 
 import yaml
 
+from ft_manip_ros.bags.yaml_text import load_yaml
+
 # rosbag2 writes "infinite" as this pair.
 INFINITE = (2147483647, 4294967295)
 
@@ -81,7 +83,7 @@ def load_profiles(content: Any) -> tuple[QosProfile, ...]:
     """
     if isinstance(content, str):
         try:
-            content = yaml.safe_load(content)
+            content = load_yaml(content)
         except yaml.YAMLError:
             return ()
     profiles = []

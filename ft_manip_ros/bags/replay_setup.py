@@ -11,6 +11,7 @@ from typing import Any
 import yaml
 
 from ft_manip_ros.bags.reader import Bag
+from ft_manip_ros.bags.yaml_text import load_yaml
 from ft_manip_ros.core.arm_file import load_arm
 from ft_manip_ros.core.chain import SerialChain
 from ft_manip_ros.core.errors import InputError
@@ -72,7 +73,7 @@ class ReplaySetup:
             if name.startswith(_PARAMETERS) and name.rsplit('/', 1)[-1] == node:
                 for key, text in recorded.items():
                     try:
-                        values[key] = yaml.safe_load(text)
+                        values[key] = load_yaml(text)
                     except yaml.YAMLError:
                         raise InputError(
                             f'{self.bag.path}: parameter {key} of {node}', f'is {text!r}'

@@ -11,12 +11,11 @@ from typing import Any
 import yaml
 
 from ft_manip_ros.bags.qos import QosProfile
+from ft_manip_ros.bags.yaml_text import load_yaml
 from ft_manip_ros.core.errors import InputError
 
 VERSION = 9
 FILE_NAME = 'metadata.yaml'
-# Ten times faster where PyYAML was built with the C library.
-_LOADER = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
 
 
 @dataclass
@@ -98,7 +97,7 @@ def read_file_names_and_custom(path: Path) -> tuple[list[str], dict[str, str], s
         If the file is no rosbag2 metadata; the message names the missing key.
     """
     try:
-        content = yaml.load(path.read_text(encoding='utf-8'), Loader=_LOADER)
+        content = load_yaml(path.read_text(encoding='utf-8'))
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise InputError(
             str(path), f'is not readable YAML ({str(error).splitlines()[0]})'
