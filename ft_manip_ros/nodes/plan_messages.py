@@ -6,7 +6,6 @@ import numpy as np
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped, Quaternion
 from nav_msgs.msg import Path
-from scipy.spatial.transform import Rotation
 from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker, MarkerArray
 
@@ -134,6 +133,9 @@ def tool_path(chain: SerialChain, plan: Plan, frame: str, start: int) -> Path:
     count = len(trajectory.times)
     rows = np.unique(np.linspace(0, count - 1, min(count, _PATH_POINTS)).round().astype(int))
     rotations, positions = fk(chain, trajectory.positions[rows])
+    # The planner's warm-up has imported it; a replay, which publishes nothing, never does.
+    from scipy.spatial.transform import Rotation
+
     turns = Rotation.from_matrix(rotations).as_quat(canonical=True).tolist()
     for time, (x, y, z, w), place in zip(trajectory.times[rows], turns, positions, strict=True):
         pose = PoseStamped(pose=pose_to_message(place))

@@ -23,6 +23,7 @@ CLUSTER = ('dask', 'distributed')
         ('nodes.workspace', (*PLOTS, *COLLISIONS, *CLUSTER)),
         ('nodes.designer', (*PLOTS, *COLLISIONS, *CLUSTER)),
         ('nodes.replanner', (*PLOTS, *CLUSTER)),
+        ('cli.replay_command', ('scipy.interpolate', 'scipy.spatial', *PLOTS, *CLUSTER)),
         ('cli.main', ('numpy', *COMPILER, *PLOTS, *COLLISIONS, *CLUSTER)),
     ],
 )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,12 +12,14 @@ from numpy.typing import NDArray
 from ft_manip_ros.core.chain import Array, ChainArrays, SerialChain
 from ft_manip_ros.core.planning.collision import CollisionChecker
 from ft_manip_ros.core.planning.finding import Finding
-from ft_manip_ros.core.planning.line import Line, trace
 from ft_manip_ros.core.planning.settings import PlanSettings, Relaxation
+
+if TYPE_CHECKING:
+    from ft_manip_ros.core.planning.line import Line
 
 # For each posture of a goal the line that ends there, with the place of the posture in which it
 # begins among those of the goal before (0 where it begins where the arm comes to rest).
-Lines = Mapping[int, Sequence[tuple[int, Line]]]
+Lines = Mapping[int, Sequence[tuple[int, 'Line']]]
 
 
 def straighten(
@@ -57,6 +60,9 @@ def straighten(
         if not (finding.goal.straight_line and len(finding.postures.q)):
             judged.append(finding)
             continue
+        # Brings splines and rotations of SciPy, slow to import, which few tasks need.
+        from ft_manip_ros.core.planning.line import trace
+
         origin, starts = 'where the arm stands', here[None, :]
         if judged:
             before = judged[-1]

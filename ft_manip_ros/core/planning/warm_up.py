@@ -11,6 +11,7 @@ from ft_manip_ros.core.chain import Array, SerialChain
 from ft_manip_ros.core.goal import Goal
 from ft_manip_ros.core.kinematics import fk
 from ft_manip_ros.core.planning.limits import motion_limits
+from ft_manip_ros.core.planning.line import trace
 from ft_manip_ros.core.planning.move_scan import no_scan
 from ft_manip_ros.core.planning.plan import GoalOutcome, Outcome, Plan, PlanStatus
 from ft_manip_ros.core.planning.proof import prove
@@ -37,6 +38,9 @@ def warm_up(chain: SerialChain, settings: PlanSettings) -> None:
     roadmap.link(ends[0], ends[1])
     roadmap.way(ends[:1], ends[2:], 4)
     prove(chain, _undecided(chain, middle), replace(settings, proof_boxes=2))
+    # A plan traces no line where it finds no posture for its end.
+    healthy = np.zeros(chain.n, dtype=np.bool_)
+    trace(chain, chain.arrays, healthy, middle, goals[-1], settings, None)
     for frozen in cases:
         plan_task(
             chain,
