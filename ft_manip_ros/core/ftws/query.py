@@ -171,7 +171,7 @@ def _judge_dextrous(
     problem: Problem, goal: Array, settings: FtwsSettings, started: float
 ) -> FtwsResult:
     x, y, z = goal[:3].tolist()
-    answer = judge_dextrous(problem, goal, settings.effort(problem.oriented, problem.task.length))
+    answer = judge_dextrous(problem, goal, settings)
     verdict = {MEMBER: Verdict.MEMBER, NON_MEMBER: Verdict.NON_MEMBER}.get(
         answer.code, Verdict.UNDECIDED
     )

@@ -208,5 +208,5 @@ def test_table_2_in_sampled_orientations():
         arm, np.array([[1.0, 0.0, 0.5], [2.4, 0.0, 0.0]]), mode='dextrous', settings=VERDICT_ONLY
     )
     assert inside.verdict is Verdict.UNDECIDED and 'sampled evidence' in inside.reason
-    assert '24 of 24' in inside.reason
+    assert '512 of 512' in inside.reason
     assert outside.verdict is NON_MEMBER
