@@ -130,8 +130,8 @@ def _count(answers: list[FtwsResult], inside: NDArray[np.bool_]) -> tuple[int, i
 
 
 def dextrous() -> None:
-    """Table 2 in every orientation: evidence at points inside, refutation outside."""
-    points = np.array([[1.0, 0.0, 0.0], [0.5, 0.5, 0.5], [3.0, 0.0, 0.0]])
+    """Table 2 in every orientation: evidence at points inside the template, refutation outside."""
+    points = np.array([[1.0, 0.0, 0.0], [0.5, 0.5, 0.5], [1.3, 0.0, -1.9], [3.0, 0.0, 0.0]])
     for answer in query(load_dh('paredis_table_2').chain(), points, mode='dextrous'):
         print(f'Table 2 at {answer.point}: {answer.verdict.value}: {answer.reason}', flush=True)
 

@@ -113,10 +113,20 @@ def judge_one(
             surviving_fraction=dict.fromkeys(failing(problem), 0.0) if problem.order == 1 else {},
             elapsed_s=time.perf_counter() - started,
         )
-    if problem.mode == 'dextrous':
-        return _judge_dextrous(problem, goal, settings, started)
     combos, k = problem.combos, problem.order
     effort = settings.effort(problem.oriented, problem.task.length)
+    if off > effort.tolerance and (k == 1 or problem.mode == 'dextrous'):
+        # What is proved of a disc in the plane is not true of the ball.
+        return FtwsResult(
+            (x, y, z),
+            Verdict.UNDECIDED,
+            f"the ball's centre is {off:.3g} m off the plane of this planar arm: its own verdict "
+            'is non_member, that of the rest was not asked for',
+            residual=off,
+            elapsed_s=time.perf_counter() - started,
+        )
+    if problem.mode == 'dextrous':
+        return _judge_dextrous(problem, goal, settings, started)
     if k > 1 and problem.form is not None:
         result = closed_form(problem, problem.form, goal, off, effort)
         if result.verdict is not Verdict.UNDECIDED or problem.closed:

@@ -1,5 +1,7 @@
 """Verdicts against the closed forms and statements of the paper."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -200,6 +202,20 @@ def test_dextrous_planar_arms_are_covered_in_every_orientation():
     arm = planar(1.0, 1.0, 1.0, 1.0, 0.5)
     answer = query(arm, np.array([[1.8, 0.0, 0.0]]), mode='dextrous', settings=VERDICT_ONLY)[0]
     assert answer.verdict is NON_MEMBER and 'orientation' in answer.reason
+
+
+@pytest.mark.parametrize('mode', ['position', 'dextrous'])
+def test_a_ball_about_a_point_off_the_plane_is_no_member(mode):
+    ball = replace(VERDICT_ONLY, radius=0.01)
+    on, off, far = query(
+        load_arm('planar_5r'),
+        np.array([[1.0, 0.5, 0.0], [1.0, 0.5, 0.005], [1.0, 0.5, 0.02]]),
+        mode=mode,
+        settings=ball,
+    )
+    assert on.verdict is MEMBER
+    assert off.verdict is Verdict.UNDECIDED and 'off the plane' in off.reason
+    assert far.verdict is NON_MEMBER
 
 
 def test_table_2_in_sampled_orientations():
