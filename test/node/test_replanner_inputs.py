@@ -66,7 +66,7 @@ def test_the_arm_may_come_from_the_robot_description(start_node, probe, tmp_path
     descriptions.publish(String(data=chain_to_urdf(chain)))
     for node in nodes:
         node.wait_for('active', 120.0)
-    states = probe.listen(JointState, topics.JOINT_STATES, topics.SENSOR_QOS)
+    states = probe.listen(JointState, topics.JOINT_STATES, topics.EVIDENCE_QOS)
     plans = probe.listen(RecoveryPlan, TASK_PLAN, topics.LATCHED_QOS)
     tasks = probe.publisher(TaskMessage, topics.TASK, topics.LATCHED_QOS)
     assert tuple(probe.until(lambda: states, 30.0, 'a joint state')[-1].name) == chain.joint_names

@@ -33,7 +33,7 @@ class Scene:
         self.probe = probe
         self.node = start_node('fault_monitor', params=monitor)
         self.sim = start_node('arm_sim', params=sim)
-        self.states = probe.listen(JointState, topics.JOINT_STATES, topics.SENSOR_QOS)
+        self.states = probe.listen(JointState, topics.JOINT_STATES, topics.EVIDENCE_QOS)
         self.faults = probe.listen(FaultState, topics.FAULT_STATE, topics.LATCHED_QOS)
         self.events = probe.listen(JointFault, topics.FAULT_EVENTS, topics.EVENT_QOS)
         self.commands = probe.publisher(

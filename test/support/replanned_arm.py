@@ -38,7 +38,7 @@ class Rig:
         fk(self.chain, np.zeros((1, self.chain.n)))  # compiled now, not while samples go by
         self.sim = start_node('arm_sim', params={'arm': arm_path})
         self.node = start_node('replanner', params={'arm': arm_path, 'dwell': 0.8, **params})
-        self.states = probe.listen(JointState, topics.JOINT_STATES, topics.SENSOR_QOS)
+        self.states = probe.listen(JointState, topics.JOINT_STATES, topics.EVIDENCE_QOS)
         self.commands = probe.listen(JointTrajectory, topics.JOINT_TRAJECTORY, topics.COMMAND_QOS)
         self.plans = probe.listen(RecoveryPlan, topics.RECOVERY_PLAN, topics.LATCHED_QOS)
         self.task_plans = probe.listen(RecoveryPlan, TASK_PLAN, topics.LATCHED_QOS)
