@@ -123,6 +123,7 @@ def joint_runs(
             if (
                 isinstance(item, BagMessage)
                 and item.topic == topic
+                and item.type_name == _TYPE
                 and len(item.data) == size
                 and len(run) < _LARGEST
             ):
@@ -132,11 +133,11 @@ def joint_runs(
             run = []
         if isinstance(item, Stretch):
             first = next(item.messages())
-            if _learn(bag, layouts, first):
+            if item.type_name == _TYPE and _learn(bag, layouts, first):
                 yield from _decoded(layouts, item)
             else:
                 yield from item.messages()
-        elif item.topic in blocks and _learn(bag, layouts, item):
+        elif item.topic in blocks and item.type_name == _TYPE and _learn(bag, layouts, item):
             run.append(item)
             topic, size = item.topic, len(item.data)
         else:

@@ -39,7 +39,7 @@ def joint_names(bag: Bag, topics: Iterable[str]) -> tuple[str, ...]:
     names: dict[str, None] = {}
     for message in bag.messages(set(topics)):
         try:
-            names.update(dict.fromkeys(bag.decode(message).name))
+            names.update(dict.fromkeys(bag.decode_expected(message).name))
         except InputError:
             continue
     return tuple(names)
@@ -95,7 +95,7 @@ def feed_bag(
     problems: list[str] = []
     for message in bag.messages(set(kinds)):
         try:
-            content = bag.decode(message)
+            content = bag.decode_expected(message)
             if message.topic in states:
                 edges += _joint_state(feed, content, message.log_time)
                 if on_sample is not None:

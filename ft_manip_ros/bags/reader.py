@@ -148,6 +148,22 @@ class Bag:
                 f'{error.field}: {error.problem}',
             ) from None
 
+    def decode_expected(self, message: BagMessage) -> Any:
+        """As `decode`, of a message whose type is the one that `topics` names.
+
+        Raises
+        ------
+        InputError
+            As `decode`, and for a message of another type: topics may change theirs.
+        """
+        expected = self.topics[message.topic].type_name
+        if message.type_name != expected:
+            raise InputError(
+                f'{self.path}: {message.topic} at {message.log_time} ns',
+                f'type: is {message.type_name}, on a topic of {expected}',
+            )
+        return self.decode(message)
+
     def schema_of(self, type_name: str) -> dict[str, Any]:
         """Fields of a type and of those it nests, by type name, as `Decoder.fields` has them.
 

@@ -116,7 +116,7 @@ def replay(
             continue
         messages += 1
         try:
-            message = bag.decode(item)
+            message = bag.decode_expected(item)
         except InputError as error:
             _count(refused, f'{topic}: {error.problem}')
             continue

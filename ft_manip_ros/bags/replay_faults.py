@@ -193,7 +193,7 @@ def missed_joint_states(bag: Bag) -> int:
     topic = '/diagnostics'
     for record in bag.messages((topic,)) if topic in bag.topics else ():
         try:
-            statuses = bag.decode(record).status
+            statuses = bag.decode_expected(record).status
         except InputError:
             continue
         counts += [

@@ -131,7 +131,7 @@ class ReplaySetup:
         message = next(self.bag.messages([description]), None) if description else None
         if message is not None:
             self.note(f'the arm of {node} is taken from robot_description')
-            return str(self.bag.decode(message).data)
+            return str(self.bag.decode_expected(message).data)
         raise InputError(
             f'bag {self.bag.path}',
             f'says nothing of the arm of {node} (no arm file, no parameters, no '

@@ -123,7 +123,7 @@ def _decoded(bag: Bag, data: ReportData) -> Iterator[tuple[BagMessage, Any]]:
     refused = 0
     for record in bag.messages(wanted):
         try:
-            yield record, bag.decode(record)
+            yield record, bag.decode_expected(record)
         except InputError as error:
             refused += 1
             if refused == 1:

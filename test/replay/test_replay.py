@@ -182,6 +182,36 @@ def test_a_monitor_that_missed_samples_is_named_where_it_came_late(
     assert not [note for note in same.notes if 'never reached' in note]
 
 
+def test_a_topic_that_changed_its_type_loses_the_other_ones_alone(
+    bag: Bag, result: ReplayResult, tmp_path: Path
+) -> None:
+    """Among the joint states are texts, some of them in a row and as long as a joint state."""
+    from std_msgs.msg import String
+
+    from support.cdr import cdr
+
+    name = 'std_msgs/msg/String'
+    size = len(next(bag.messages(['/joint_states'])).data)
+    empty = len(cdr(String()))
+    step = (bag.end - bag.start) // 60
+    extra = [
+        BagMessage('/joint_states', name, at, at, cdr(String(data='x' * (size - empty))))
+        for at in (
+            *range(bag.start + step, bag.end, step),
+            *range(bag.start + 10**9, bag.start + 10**9 + 40),
+        )
+    ]
+    changed = rewrite(bag, tmp_path / 'bag', None, extra)
+    again = replay(changed)
+    (reason,) = again.refused
+    assert 'is std_msgs/msg/String, on a topic of sensor_msgs/msg/JointState' in reason
+    assert again.refused[reason] == len(extra)
+    assert again.digest == result.digest
+    for command in ('report', 'detect', 'replay'):
+        output = ['--output', str(tmp_path / 'report')] if command == 'report' else []
+        assert main([command, str(tmp_path / 'bag'), *output]) == 0
+
+
 def test_a_fault_that_was_not_recorded_is_a_difference(bag: Bag, tmp_path: Path) -> None:
     edited = rewrite(bag, tmp_path / 'bag', lambda m: None if m.topic == '/fault_events' else m)
     differences = replay(edited).differences
