@@ -46,6 +46,18 @@ class JointBlock:
     velocities: Array
     efforts: Array
 
+    def part(self, rows: slice) -> JointBlock:
+        """Some of them."""
+        return JointBlock(
+            self.topic,
+            self.names,
+            self.stamps[rows],
+            self.arrivals[rows],
+            self.positions[rows],
+            self.velocities[rows],
+            self.efforts[rows],
+        )
+
 
 class JointLayout:
     """Where the parts of joint states lie whose names and lengths are those of one message.

@@ -164,6 +164,14 @@ class Bag:
             )
         return self.decode(message)
 
+    def readable(self, topics: Collection[str]) -> Iterator[Any]:
+        """Decoded messages of topics, without those that `decode_expected` refuses."""
+        for message in self.messages(topics):
+            try:
+                yield self.decode_expected(message)
+            except InputError:
+                continue
+
     def schema_of(self, type_name: str) -> dict[str, Any]:
         """Fields of a type and of those it nests, by type name, as `Decoder.fields` has them.
 

@@ -6,7 +6,11 @@ from collections.abc import Callable, Iterable
 from dataclasses import fields
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ft_manip_ros.bags.findings import Finding
+from ft_manip_ros.bags.heard_commands import PLAN, PLANS, TRAJECTORY, recorded_commands
 from ft_manip_ros.bags.joint_blocks import JointBlock
 from ft_manip_ros.bags.reader import Bag, BagMessage
 from ft_manip_ros.bags.replay_setup import ReplaySetup
@@ -48,13 +52,8 @@ class FaultReplay:
         reference = str(parameters.get('reference_topic') or '')
         for name, type_name, handler in (
             ('joint_states', 'sensor_msgs/msg/JointState', self._on_joint_state),
-            (
-                'joint_trajectory_controller/joint_trajectory',
-                'trajectory_msgs/msg/JointTrajectory',
-                self._on_trajectory,
-            ),
-            ('replanner/task_plan', 'ft_manip_interfaces/msg/RecoveryPlan', self._on_plan),
-            ('recovery_plan', 'ft_manip_interfaces/msg/RecoveryPlan', self._on_plan),
+            (*TRAJECTORY, self._on_trajectory),
+            *((name, PLAN, self._on_plan) for name in PLANS),
             (reference, 'sensor_msgs/msg/JointState', self._on_reference),
             (tool, 'geometry_msgs/msg/PoseStamped', self._on_tool_pose),
             ('fault_state', 'ft_manip_interfaces/msg/FaultState', self._on_state),
@@ -75,9 +74,20 @@ class FaultReplay:
                 self.handlers[topic] = handler
                 if handler == self._on_joint_state:
                     self.block_handlers[topic] = self._on_joint_block
+        self._commands = recorded_commands(setup)
 
     def _on_joint_block(self, block: JointBlock) -> Iterable[InputError]:
         """As `_on_joint_state` on each."""
+        while (k := self._commands.before(_times(block))) < len(block.stamps):
+            if k:
+                self._take(block.part(slice(k)))
+                block = block.part(slice(k, None))
+            self._commands.deliver(self._feed)
+        self._take(block)
+        return ()
+
+    def _take(self, block: JointBlock) -> None:
+        self._commands.judged(int(_times(block)[-1]))
         edges = self._feed.joint_states(
             block.stamps,
             block.arrivals,
@@ -89,10 +99,13 @@ class FaultReplay:
         self._stamp = int(block.stamps[-1]) or int(block.arrivals[-1])
         self._seen_sample = True
         self._note(edges)
-        return ()
 
     def _on_joint_state(self, record: BagMessage, message: Any) -> None:
         stamp = nanoseconds(message.header.stamp)
+        at = stamp or record.log_time
+        while not self._commands.before(np.array([at])):
+            self._commands.deliver(self._feed)
+        self._commands.judged(at)
         edges = self._feed.joint_state(
             stamp,
             record.log_time,
@@ -106,6 +119,8 @@ class FaultReplay:
         self._note(edges)
 
     def _on_trajectory(self, record: BagMessage, message: Any) -> None:
+        if nanoseconds(message.header.stamp) in self._commands.starts:
+            return
         self._feed.trajectory(
             nanoseconds(message.header.stamp),
             record.log_time,
@@ -114,6 +129,8 @@ class FaultReplay:
         )
 
     def _on_plan(self, record: BagMessage, message: Any) -> None:
+        if nanoseconds(message.trajectory.header.stamp) in self._commands.starts:
+            return
         self._feed.planned(
             nanoseconds(message.trajectory.header.stamp),
             record.log_time,
@@ -189,22 +206,22 @@ class FaultReplay:
 
 def missed_joint_states(bag: Bag) -> int:
     """How many joint states the recorded monitor never got, by its diagnostics."""
-    counts = []
     topic = '/diagnostics'
-    for record in bag.messages((topic,)) if topic in bag.topics else ():
-        try:
-            statuses = bag.decode_expected(record).status
-        except InputError:
-            continue
-        counts += [
-            int(pair.value)
-            for status in statuses
-            if status.name == f'{NODE}: {NODE}'
-            for pair in status.values
-            if pair.key == MISSED and pair.value.isdecimal()
-        ]
+    counts = [
+        int(pair.value)
+        for message in (bag.readable((topic,)) if topic in bag.topics else ())
+        for status in message.status
+        if status.name == f'{NODE}: {NODE}'
+        for pair in status.values
+        if pair.key == MISSED and pair.value.isdecimal()
+    ]
     # What was lost before the recording began is of no matter here.
     return max(counts, default=0) - min(counts, default=0)
+
+
+def _times(block: JointBlock) -> NDArray[np.int64]:
+    """Stamps, or arrivals of what bears none, (K,), ns."""
+    return np.where(block.stamps == 0, block.arrivals, block.stamps)
 
 
 def _state(number: int) -> JointState:

@@ -15,7 +15,7 @@ from std_msgs.msg import Header
 
 from ft_manip_ros.bags.findings import Finding, Value
 from ft_manip_ros.bags.joint_blocks import JointBlock
-from ft_manip_ros.bags.reader import Bag, BagMessage
+from ft_manip_ros.bags.reader import BagMessage
 from ft_manip_ros.bags.replay_collision import PARAMETERS, recorded_checker
 from ft_manip_ros.bags.replay_setup import ReplaySetup
 from ft_manip_ros.core.errors import InputError
@@ -86,7 +86,7 @@ class PlanReplay:
             self.block_handlers[states] = self._on_joint_block
 
     def _read_plans(self, setup: ReplaySetup, topics: list[str]) -> None:
-        for message in _readable(setup.bag, topics):
+        for message in setup.bag.readable(topics):
             self.recorded.append(_finding(message))
             start = nanoseconds(message.trajectory.header.stamp)
             if start:
@@ -96,7 +96,7 @@ class PlanReplay:
 
     def _schedule(self, setup: ReplaySetup, topic: str, deliver: Deliver) -> None:
         """Deliver each message that a plan answers right after the state it starts from."""
-        for message in _readable(setup.bag, [topic]):
+        for message in setup.bag.readable([topic]):
             stamp = nanoseconds(message.header.stamp)
             if self._starts.get(stamp) and (topic, stamp) not in self._scheduled:
                 self._scheduled.add((topic, stamp))
@@ -183,15 +183,6 @@ class PlanReplay:
             # The node's proof arrived when its plan says; a report alone hangs on no state.
             starts = self._starts.get(header)
             self._at(starts.popleft() if starts else decision.stamp, deliver)
-
-
-def _readable(bag: Bag, topics: list[str]) -> Iterator[Any]:
-    """Messages of topics, decoded; the others are refused when their turn comes."""
-    for record in bag.messages(topics):
-        try:
-            yield bag.decode_expected(record)
-        except InputError:
-            continue
 
 
 def _start_state(trajectory: Any) -> tuple[dict[str, float], dict[str, float] | None]:

@@ -17,7 +17,7 @@ from sensor_msgs.msg import JointState as JointStateMessage
 from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import MarkerArray
 
-from ft_manip_interfaces.msg import FaultState, JointFault, RecoveryPlan
+from ft_manip_interfaces.msg import CommandHeard, FaultState, JointFault, RecoveryPlan
 from ft_manip_interfaces.srv import ClearFault, FreezeJoint
 from ft_manip_ros.core.arm_file import load_arm
 from ft_manip_ros.core.detection.feed import MISSED, MonitorFeed
@@ -29,7 +29,12 @@ from ft_manip_ros.core.detection.states import LATCHED, Edge, JointState
 from ft_manip_ros.core.detection.warm_up import warm_up
 from ft_manip_ros.nodes import topics
 from ft_manip_ros.nodes.arm_model import arm_source
-from ft_manip_ros.nodes.conversions import nanoseconds, position_from_message, trajectory_points
+from ft_manip_ros.nodes.conversions import (
+    nanoseconds,
+    position_from_message,
+    stamp,
+    trajectory_points,
+)
 from ft_manip_ros.nodes.fault_messages import (
     NODE,
     desired_positions,
@@ -87,6 +92,7 @@ class FaultMonitorNode(ManagedNode):
                 self.get_logger().warning(f'{name} is still faulty, by {self._file}')
         self._states = self.advertise(FaultState, topics.FAULT_STATE, topics.LATCHED_QOS)
         self._events = self.advertise(JointFault, topics.FAULT_EVENTS, topics.EVENT_QOS)
+        self._heard = self.advertise(CommandHeard, topics.COMMANDS_HEARD, topics.TRAJECTORY_QOS)
         self._markers = self.advertise(MarkerArray, topics.markers(NODE), topics.LATCHED_QOS)
         # Diagnostics tell of an inactive monitor, too: an ordinary publisher.
         self._diagnostics = self.create_publisher(
@@ -194,21 +200,29 @@ class FaultMonitorNode(ManagedNode):
             self._tell(edges, self._stamp)
 
     def _on_trajectory(self, message: JointTrajectory, arrival: int) -> None:
-        self._feed.trajectory(
-            nanoseconds(message.header.stamp),
-            arrival,
-            message.joint_names,
-            trajectory_points(message),
+        start = nanoseconds(message.header.stamp)
+        taken = self._feed.trajectory(
+            start, arrival, message.joint_names, trajectory_points(message)
         )
         self._commanded = True
+        if taken:
+            self._tell_command(start)
 
     def _on_plan(self, message: RecoveryPlan, arrival: int) -> None:
-        self._feed.planned(
-            nanoseconds(message.trajectory.header.stamp),
+        start = nanoseconds(message.trajectory.header.stamp)
+        if self._feed.planned(
+            start,
             arrival,
             message.trajectory.joint_names,
             trajectory_points(message.trajectory),
-        )
+        ):
+            self._commanded = True
+            self._tell_command(start)
+
+    def _tell_command(self, start: int) -> None:
+        # One without a stamp cannot be named; it is replayed where it was recorded.
+        if start:
+            self._heard.publish(CommandHeard(start=stamp(start), after=stamp(self._feed.latest)))
 
     def _on_reference(self, message: JointStateMessage, arrival: int) -> None:
         self._feed.reference(

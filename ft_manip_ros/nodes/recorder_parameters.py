@@ -16,6 +16,7 @@ TOPICS = (
     topics.TASK,
     topics.FAULT_STATE,
     topics.FAULT_EVENTS,
+    topics.COMMANDS_HEARD,
     topics.RECOVERY_PLAN,
     'replanner/task_plan',
     topics.DESIGN_CANDIDATES,

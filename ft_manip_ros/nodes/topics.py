@@ -44,7 +44,7 @@ EVIDENCE_QOS: Final = QoSProfile(
     durability=DurabilityPolicy.VOLATILE,
 )
 COMMAND_QOS: Final = reliable(10)
-# Controllers ask for less; a recorder that is discovered late still gets the latest command.
+# Controllers ask for less; a recorder that is discovered late still gets the latest commands.
 TRAJECTORY_QOS: Final = latched(10)
 EVENT_QOS: Final = reliable(100)
 LATCHED_QOS: Final = latched()
@@ -59,6 +59,7 @@ TOOL_POSE: Final = 'tool_pose'  # geometry_msgs/PoseStamped, SENSOR_QOS
 TASK: Final = 'task'  # ft_manip_interfaces/Task, LATCHED_QOS
 FAULT_STATE: Final = 'fault_state'  # ft_manip_interfaces/FaultState, LATCHED_QOS
 FAULT_EVENTS: Final = 'fault_events'  # ft_manip_interfaces/JointFault, EVENT_QOS
+COMMANDS_HEARD: Final = 'fault_monitor/commands_heard'  # CommandHeard, TRAJECTORY_QOS
 RECOVERY_PLAN: Final = 'recovery_plan'  # ft_manip_interfaces/RecoveryPlan, LATCHED_QOS
 TASK_PLAN: Final = 'replanner/task_plan'  # RecoveryPlan of the healthy arm, LATCHED_QOS
 FTWS_MAP: Final = 'workspace/map'  # sensor_msgs/PointCloud2, LATCHED_QOS

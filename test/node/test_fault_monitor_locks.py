@@ -12,7 +12,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from sensor_msgs.msg import JointState
 from visualization_msgs.msg import Marker, MarkerArray
 
-from ft_manip_interfaces.msg import FaultState, JointFault, RecoveryPlan
+from ft_manip_interfaces.msg import CommandHeard, FaultState, JointFault, RecoveryPlan
 from ft_manip_interfaces.srv import ClearFault, FreezeJoint, InjectFault
 from ft_manip_ros.core.detection.settings import MonitorSettings
 from ft_manip_ros.nodes import topics
@@ -105,7 +105,8 @@ def test_what_waited_while_the_node_stood_still_is_evidence_all_the_same(start_n
     scene = Scene(start_node, probe)
     scene.move([0.3] * 5)
     probe.spin_for(2.5)
-    scene.move([-0.3] * 5)
+    # It goes on when the node does: the lock is found, late or on time.
+    scene.move([-0.9] * 5, 6.0)
     probe.spin_for(0.7)
     os.kill(scene.node.pid, signal.SIGSTOP)
     try:
@@ -145,6 +146,7 @@ def test_a_motion_commanded_before_it_listened_is_known_from_the_plan(start_node
     plans.publish(report)
     start_node('fault_monitor').wait_for('active', 120.0)
     faults = probe.listen(FaultState, topics.FAULT_STATE, topics.LATCHED_QOS)
+    heard = probe.listen(CommandHeard, topics.COMMANDS_HEARD, topics.TRAJECTORY_QOS)
     states = probe.publisher(JointState, topics.JOINT_STATES, topics.SENSOR_QOS)
 
     def commanded():
@@ -159,6 +161,8 @@ def test_a_motion_commanded_before_it_listened_is_known_from_the_plan(start_node
         return all(0.0 <= joint.commanded_position < 0.5 for joint in faults[-1].joints)
 
     probe.until(commanded, 30.0, 'the command to be known')
+    probe.until(lambda: heard, 10.0, 'that the command was taken')
+    assert [message.start for message in heard] == [report.trajectory.header.stamp]
     probe.node.destroy_publisher(plans)
 
 

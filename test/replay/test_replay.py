@@ -212,6 +212,67 @@ def test_a_topic_that_changed_its_type_loses_the_other_ones_alone(
         assert main([command, str(tmp_path / 'bag'), *output]) == 0
 
 
+COMMANDS = '/joint_trajectory_controller/joint_trajectory'
+
+
+def heard(bag: Bag, start: int, after: int) -> BagMessage:
+    """What the monitor says when it takes a command, at the end of the bag."""
+    from builtin_interfaces.msg import Time
+
+    from ft_manip_interfaces.msg import CommandHeard
+    from support.cdr import cdr
+
+    def time(ns: int) -> Time:
+        return Time(sec=ns // 10**9, nanosec=ns % 10**9)
+
+    data = cdr(CommandHeard(start=time(start), after=time(after)))
+    name = 'ft_manip_interfaces/msg/CommandHeard'
+    return BagMessage('/fault_monitor/commands_heard', name, bag.end, bag.end, data)
+
+
+@pytest.mark.parametrize('in_blocks', [True, False])
+@pytest.mark.parametrize('late', [False, True])
+def test_a_command_is_taken_where_the_monitor_took_it(
+    bag: Bag,
+    result: ReplayResult,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    late: bool,
+    in_blocks: bool,
+) -> None:
+    """Whenever the recorder heard it: on time, or when the lock was all but found."""
+    if not in_blocks:
+        monkeypatch.setattr('ft_manip_ros.bags.replay._in_blocks', lambda bag, parts: set())
+    command = next(bag.messages([COMMANDS]))
+    start = nanoseconds(bag.decode(command).header.stamp)
+    states = [
+        (record.log_time, nanoseconds(bag.decode(record).header.stamp))
+        for record in bag.messages(['/joint_states'])
+    ]
+
+    def stamp_before(log_time: int) -> int:
+        return max(stamp for logged, stamp in states if logged < log_time)
+
+    def at(log_time: int) -> Callable[[BagMessage], BagMessage | None]:
+        def move(record: BagMessage) -> BagMessage | None:
+            # The plan tells of it, too.
+            if record.topic == '/replanner/task_plan' and late:
+                return None
+            return record._replace(log_time=log_time) if record == command else record
+
+        return move
+
+    fault = next(f for f in result.replayed if f.kind == 'fault')
+    delayed = fault.stamp - 15_000_000
+    took, recorded = (delayed, command.log_time) if late else (command.log_time, delayed)
+    told = [heard(bag, start, stamp_before(took))]
+    changed = replay(rewrite(bag, tmp_path / 'told', at(recorded), told))
+    same = replay(rewrite(bag, tmp_path / 'same', at(took)))
+    assert changed.digest == same.digest
+    faults = [[f for f in r.replayed if f.kind == 'fault'] for r in (changed, result)]
+    assert (faults[0] != faults[1]) == late
+
+
 def test_a_fault_that_was_not_recorded_is_a_difference(bag: Bag, tmp_path: Path) -> None:
     edited = rewrite(bag, tmp_path / 'bag', lambda m: None if m.topic == '/fault_events' else m)
     differences = replay(edited).differences

@@ -46,6 +46,11 @@ class MonitorFeed:
         self._newest = 0
         self._from_plan = 0
 
+    @property
+    def latest(self) -> int:
+        """Stamp (ns) of the joint state judged last; 0 before the first."""
+        return self._latest[-1][0] if self._latest else 0
+
     def joint_state(
         self,
         stamp: int,
@@ -128,30 +133,35 @@ class MonitorFeed:
         arrival: int,
         names: Sequence[str],
         points: Iterable[TrajectoryPoint],
-    ) -> None:
-        """Take a trajectory; stamp 0 means that it starts as it arrives."""
+    ) -> bool:
+        """Take a trajectory; stamp 0 means that it starts as it arrives.
+
+        Returns False, and does nothing, where it was taken from its plan's report already.
+        """
         if stamp != 0 and stamp == self._from_plan:
-            return
+            return False
         start = stamp if stamp != 0 else self.on_sample_clock(arrival)
         self.monitor.trajectory(start, names, list(points))
         self._newest = start
+        return True
 
     def planned(
         self, stamp: int, arrival: int, names: Sequence[str], points: Iterable[TrajectoryPoint]
-    ) -> None:
+    ) -> bool:
         """Take the trajectory in a plan's report, where the one sent to the controller was missed.
 
         Reports are kept for those who listen late, trajectories are not. One that is not newer
-        than the newest command, or whose motion is over, says nothing.
+        than the newest command, or whose motion is over, says nothing; False is returned then.
         """
         points = list(points)
         if stamp <= self._newest or not points:
-            return
+            return False
         end = stamp + round(points[-1][0] * _SECOND)
         if self._latest and end < self._latest[-1][0]:
-            return
+            return False
         self.trajectory(stamp, arrival, names, points)
         self._from_plan = stamp
+        return True
 
     def reference(
         self, stamp: int, arrival: int, names: Sequence[str], positions: Sequence[float]
