@@ -8,22 +8,10 @@ from typing import Any
 
 import pytest
 
-from ft_manip_ros.bags.reader import Bag, BagMessage, open_bag
+from ft_manip_ros.bags.reader import Bag, BagMessage
 from ft_manip_ros.bags.replay import ReplayResult, replay
 from ft_manip_ros.nodes.conversions import nanoseconds
 from support.bag_rewrite import definitions, rewrite
-
-CASE = Path(__file__).resolve().parents[2] / 'bags' / 'locked_joint'
-
-
-@pytest.fixture(scope='module')
-def bag() -> Bag:
-    return open_bag(CASE / 'bag')
-
-
-@pytest.fixture(scope='module')
-def result(bag: Bag) -> ReplayResult:
-    return replay(bag)
 
 
 def diagnostics(bag: Bag, counts: list[int]) -> list[BagMessage]:

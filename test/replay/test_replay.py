@@ -26,16 +26,6 @@ from support.bag_rewrite import definitions, rewrite
 CASE = Path(__file__).resolve().parents[2] / 'bags' / 'locked_joint'
 
 
-@pytest.fixture(scope='module')
-def bag() -> Bag:
-    return open_bag(CASE / 'bag')
-
-
-@pytest.fixture(scope='module')
-def result(bag: Bag) -> ReplayResult:
-    return replay(bag)
-
-
 def test_the_case_holds_all_three_kinds(result: ReplayResult) -> None:
     assert {finding.kind for finding in result.replayed} == {'verdict', 'fault', 'plan'}
     assert result.differences == ()
